@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <deque>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -23,6 +24,8 @@
 
 namespace nearmesh::program {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr FileKind kSceneFile{"a scene snippet of nearmesh-model build",
                               "# Written by nearmesh-model build --per-node."};
@@ -159,6 +162,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   outcome.measures = measure(clean.value().mesh.grid, box, origin);
   outcome.measures.stated_up = stated_up;
   outcome.measures.is_terrain = terrain.has_value();
+  if (terrain) outcome.measures.terrain_doubts = terrain_doubts(*terrain, origin);
   progress.stage("simplifying");
   Stopwatch simplify_watch;
   Result<BakedModel> baked =
@@ -215,6 +219,52 @@ void warn_of_reader(const std::string& path, bool is_as_written) {
                path.c_str());
 }
 
+/// The files of a folder, which are put in place together: until then each stands beside its place, and what is not put in place is removed.
+class FilesTogether {
+ public:
+  FilesTogether() = default;
+  FilesTogether(const FilesTogether&) = delete;
+  FilesTogether& operator=(const FilesTogether&) = delete;
+  ~FilesTogether() {
+    std::error_code ignored;
+    for (const File& file : files_) fs::remove(file.beside, ignored);
+    if (!made_.empty()) fs::remove(made_, ignored);  // which takes no folder that holds anything
+  }
+
+  /// Before all else. Errors: kIo, naming the folder.
+  Status make_folder(const std::string& folder) {
+    std::error_code error;
+    if (fs::create_directories(folder, error)) made_ = folder;
+    if (error) return {StatusCode::kIo, folder + ": cannot create: " + error.message()};
+    return Status::ok();
+  }
+  /// Where to write the file of a place.
+  const std::string& beside(const std::string& path) {
+    files_.push_back({path + "." + std::to_string(::getpid()) + ".beside", path});
+    return files_.back().beside;
+  }
+  /// As one file is replaced (OutputFile): a link is followed, and rights stay. Errors: kIo, naming the place; those before it are new then.
+  Status put_in_place() {
+    for (; !files_.empty(); files_.pop_front()) {
+      const auto& [beside, path] = files_.front();
+      std::error_code error;
+      const fs::path place = fs::exists(path, error) ? fs::canonical(path, error) : fs::path(path);
+      if (const fs::file_status old = fs::status(place, error); fs::exists(old))
+        fs::permissions(beside, old.permissions(), error);
+      fs::rename(beside, place, error);
+      if (error) return {StatusCode::kIo, path + ": cannot rename into place: " + error.message()};
+    }
+    return Status::ok();
+  }
+
+ private:
+  struct File {
+    std::string beside, path;
+  };
+  std::deque<File> files_;
+  std::string made_;  // the folder, where it was not there
+};
+
 /// YAML and JSON write a double alike.
 std::string list(std::span<const double> numbers) {
   return nlohmann::json(std::vector<double>(numbers.begin(), numbers.end())).dump();
@@ -224,30 +274,36 @@ Status build_nodes(const BuildOptions& options, const ImportOptions& import_opti
                    Progress& progress) {
   const Result<ImportedNodes> imported = import_nodes(options.in, import_options);
   NEARMESH_RETURN_IF_ERROR(imported);
-  const std::filesystem::path folder = options.out;
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return {StatusCode::kIo, options.out + ": cannot create: " + error.message()};
-  // All of them first: nothing is written where one is refused.
-  const auto path_of = [&folder](const std::string& name) { return (folder / name).string(); };
+  // Nothing is replaced where one is refused: a scene places models of one file, not of two.
+  FilesTogether files;
+  NEARMESH_RETURN_IF_ERROR(files.make_folder(options.out));
+  const auto path_of = [&](const std::string& name) {
+    return (fs::path(options.out) / name).string();
+  };
   const std::string scene_path = path_of("scene.yaml");
   NEARMESH_RETURN_IF_ERROR(check_output(scene_path, kSceneFile, {options.in}));
   for (const ImportedNode& node : imported.value().nodes)
     NEARMESH_RETURN_IF_ERROR(
         check_output(path_of(node.name + ".spm"), file_layout::kModelFile, {options.in}));
   std::string scene = std::string(kSceneFile.begins) + "\nbodies:\n";
+  std::vector<Outcome> outcomes;
   for (const ImportedNode& node : imported.value().nodes) {
-    const Result<Outcome> outcome =
+    const std::string path = path_of(node.name + ".spm");
+    Result<Outcome> outcome =
         build(node.mesh, imported.value().origin, imported.value().stated_up,
-              imported.value().terrain, path_of(node.name + ".spm"), options, progress);
-    NEARMESH_RETURN_IF_ERROR(outcome);
-    report(outcome.value(), options);
+              imported.value().terrain, files.beside(path), options, progress);
+    if (!outcome.is_ok())
+      return {outcome.status().code(), "node " + node.name + ": " + outcome.status().message()};
+    outcome.value().out = path;
+    outcomes.push_back(std::move(outcome).value());
     const std::string name = nlohmann::json(node.name).dump();
     scene.append("  - {name: ").append(name).append(", model: ").append(name);
     scene.append(", pose: {rotation: ").append(list(node.rotation));
     scene.append(", translation: ").append(list(node.translation_m)).append("}}\n");
   }
-  NEARMESH_RETURN_IF_ERROR(write_file(scene_path, kSceneFile, scene, {options.in}));
+  NEARMESH_RETURN_IF_ERROR(write_file(files.beside(scene_path), kSceneFile, scene));
+  NEARMESH_RETURN_IF_ERROR(files.put_in_place());
+  for (const Outcome& outcome : outcomes) report(outcome, options);
   if (!options.json)
     std::printf("%s: places %zu models\n", scene_path.c_str(), imported.value().nodes.size());
   warn_of_reader(options.in, imported.value().is_as_written);

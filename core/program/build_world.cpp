@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <bit>
 #include <charconv>
 #include <filesystem>
 #include <fstream>
@@ -81,18 +82,22 @@ Status make_folders(const std::string& world) {
   return Status::ok();
 }
 
-/// What a tile's content follows from.
-std::string digest_of_bake(const GridMesh& mesh, const BuildOptions& options) {
+/// What a tile's content follows from: all of it, as else the world's name would follow from which tile was baked first.
+std::string digest_of_bake(const GridMesh& mesh, double rounding_error_m,
+                           const BuildOptions& options) {
   constexpr std::uint64_t kBakeVersion =
-      1;  // another one where bake makes other files of the same mesh
+      2;  // another one where bake makes other files of the same mesh
   std::vector<std::uint8_t> bytes;
   const auto add = [&bytes](const void* data, std::size_t size) {
     const auto* from = static_cast<const std::uint8_t*>(data);
     bytes.insert(bytes.end(), from, from + size);
   };
-  const std::array<std::int64_t, 5> numbers{kBakeVersion, mesh.grid.exponent, mesh.grid.bits,
+  const std::array<std::int64_t, 6> numbers{kBakeVersion,
+                                            mesh.grid.exponent,
+                                            mesh.grid.bits,
                                             options.base_faces,
-                                            static_cast<std::int64_t>(mesh.positions.size())};
+                                            static_cast<std::int64_t>(mesh.positions.size()),
+                                            std::bit_cast<std::int64_t>(rounding_error_m)};
   add(numbers.data(), sizeof numbers);
   add(mesh.positions.data(), mesh.positions.size() * sizeof(GridPoint));
   add(mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]);
@@ -149,14 +154,14 @@ Result<Made> make_tile(const TileJob& job, const WorldPlan& plan, const BuildOpt
     for (std::size_t k = 0; k < 3; ++k) extent[k] = std::max<std::int64_t>(extent[k], p.v[k]);
 
   // The same tile may stand elsewhere, or have been there before.
-  const std::string known =
-      (fs::path(options.out) / "baked" / (digest_of_bake(tile, options) + ".json")).string();
+  const double rounding_error_m = clean.value().report.rounding_error_m;
+  const std::string digest = digest_of_bake(tile, rounding_error_m, options);
+  const std::string known = (fs::path(options.out) / "baked" / (digest + ".json")).string();
   Made made;
   if (const std::optional<TileNote> note = read_note(known, options.out)) {
     made.note = *note;
   } else {
-    const Result<TileNote> baked =
-        bake_tile(tile, clean.value().report.rounding_error_m, mesh.value().origin, options);
+    const Result<TileNote> baked = bake_tile(tile, rounding_error_m, mesh.value().origin, options);
     NEARMESH_RETURN_IF_ERROR(baked);
     made = {baked.value(), true};
     NEARMESH_RETURN_IF_ERROR(write_note(known, made.note));

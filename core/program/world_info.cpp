@@ -20,9 +20,9 @@ struct WorldFacts {
 };
 
 /// All pages below one, each of which is read and checked.
-Status walk(const WorldFolder& folder, const WorldPage& page, WorldFacts& facts) {
-  // Pages may share what is below them; a hostile world lists itself without end.
-  if (++facts.pages > folder.world().tiles + kMaxPageLevel || facts.tiles > folder.world().tiles)
+Status walk(const WorldFolder& folder, const WorldPage& page, MetPages& met, WorldFacts& facts) {
+  ++facts.pages;
+  if (facts.tiles > folder.world().tiles)
     return {StatusCode::kCorrupt, "its pages list more than the " +
                                       std::to_string(folder.world().tiles) +
                                       " tiles of its record"};
@@ -33,9 +33,10 @@ Status walk(const WorldFolder& folder, const WorldPage& page, WorldFacts& facts)
       facts.places[entry.content].push_back(entry);
       continue;
     }
+    NEARMESH_RETURN_IF_ERROR(met.meet(entry.content));
     const Result<WorldPage> below = folder.page(entry, page.level - 1);
     NEARMESH_RETURN_IF_ERROR(below);
-    NEARMESH_RETURN_IF_ERROR(walk(folder, below.value(), facts));
+    NEARMESH_RETURN_IF_ERROR(walk(folder, below.value(), met, facts));
   }
   return Status::ok();
 }
@@ -52,7 +53,8 @@ Result<KnownWorld> read_world(const std::string& path) {
   const Result<WorldPage> root = folder.value().root();
   NEARMESH_RETURN_IF_ERROR(root);
   KnownWorld known{std::move(folder).value(), root.value().box(), {}};
-  const Status walked = walk(known.folder, root.value(), known.facts);
+  MetPages met(known.folder.world());
+  const Status walked = walk(known.folder, root.value(), met, known.facts);
   if (!walked.is_ok()) return Status(walked.code(), path + ": " + walked.message());
   if (known.facts.tiles != known.folder.world().tiles)
     return Status(StatusCode::kCorrupt,

@@ -47,10 +47,23 @@ Bounds bounds_of(const IndexedMesh& mesh) {
   return bounds;
 }
 
-/// What a plan depends on.
-Result<std::string> name_of(const BuildWorldOptions& options) {
+/// Of the world that is there, where nothing else is asked for: then tiles join it.
+Result<std::optional<CommonLattice>> lattice_there(const BuildWorldOptions& options) {
   const BuildOptions& build = options.build;
-  json parts = {1,
+  const Result<WorldFolder> there = WorldFolder::open(build.out);
+  if (!there.is_ok() && there.status().code() != StatusCode::kNotFound) return there.status();
+  if (there.is_ok() && build.cell_m == 0 && !options.has_lattice_origin &&
+      there.value().world().bits == build.grid_bits)
+    return std::optional(there.value().world().lattice);
+  return std::optional<CommonLattice>();
+}
+
+/// Where a plan is kept, by what it depends on.
+Result<fs::path> folder_of(const BuildWorldOptions& options,
+                           const std::optional<CommonLattice>& there) {
+  // Another first number where the same plan gives other tiles: its notes say what became of them.
+  const BuildOptions& build = options.build;
+  json parts = {2,
                 options.tile_faces,
                 build.grid_bits,
                 build.base_faces,
@@ -67,6 +80,7 @@ Result<std::string> name_of(const BuildWorldOptions& options) {
                 build.heights,
                 build.raw};
   if (options.has_lattice_origin) parts.push_back(build.lattice_origin_m);
+  if (there) parts.push_back({"joins", there->exponent, there->origin_m});
   for (const std::string& in : options.in) {
     std::error_code error;
     const auto size = fs::file_size(in, error);
@@ -77,7 +91,9 @@ Result<std::string> name_of(const BuildWorldOptions& options) {
                      static_cast<std::int64_t>(time.time_since_epoch().count())});
   }
   const std::string text = parts.dump();
-  return to_hex(digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+  const ContentHash name =
+      digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return fs::path(build.out) / "plans" / to_hex(name);
 }
 
 Result<ImportOptions> options_of(const BuildWorldOptions& options) {
@@ -142,11 +158,9 @@ Result<CommonLattice> choose_lattice(const BuildWorldOptions& options, const Siz
 
 Result<CommonLattice> find_lattice(const BuildWorldOptions& options, const Sizes& sizes) {
   const BuildOptions& build = options.build;
-  const Result<WorldFolder> there = WorldFolder::open(build.out);
-  if (there.is_ok() && build.cell_m == 0 && !options.has_lattice_origin &&
-      there.value().world().bits == build.grid_bits)
-    return there.value().world().lattice;
-  if (!there.is_ok() && there.status().code() != StatusCode::kNotFound) return there.status();
+  const Result<std::optional<CommonLattice>> there = lattice_there(options);
+  NEARMESH_RETURN_IF_ERROR(there);
+  if (there.value()) return *there.value();
   if (build.cell_m > 0 && options.has_lattice_origin)
     return *common_lattice(build.cell_m, build.lattice_origin_m);
   return choose_lattice(options, sizes);
@@ -286,14 +300,21 @@ std::vector<std::vector<std::uint32_t>> cut_mesh(const IndexedMesh& mesh, int ex
 }
 
 Result<WorldPlan> plan_world(const BuildWorldOptions& options) {
-  const Result<std::string> name = name_of(options);
-  NEARMESH_RETURN_IF_ERROR(name);
-  const fs::path folder = fs::path(options.build.out) / "plans" / name.value();
-  const std::string path = (folder / "plan.json").string();
-  if (std::optional<WorldPlan> kept = read_plan(path)) {
+  const Result<std::optional<CommonLattice>> there = lattice_there(options);
+  NEARMESH_RETURN_IF_ERROR(there);
+  // First the plan that chose a lattice: as long as the world has that one, this is the plan that joins it, too.
+  fs::path folder;
+  for (const std::optional<CommonLattice>& joins :
+       {std::optional<CommonLattice>(), there.value()}) {
+    const Result<fs::path> its = folder_of(options, joins);
+    NEARMESH_RETURN_IF_ERROR(its);
+    folder = its.value();
+    std::optional<WorldPlan> kept = read_plan((folder / "plan.json").string());
+    if (!kept || (there.value() && kept->lattice != *there.value())) continue;
     kept->folder = folder.string();
     return *std::move(kept);
   }
+  const std::string path = (folder / "plan.json").string();
   Result<WorldPlan> plan = make_plan(options);
   NEARMESH_RETURN_IF_ERROR(plan);
   plan.value().folder = folder.string();

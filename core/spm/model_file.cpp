@@ -202,9 +202,11 @@ Status ModelFile::Impl::read_directory() {
 }
 
 Status ModelFile::Impl::check_directory() {
-  // Entries stand by level, then by first id; require() searches within a level.
+  // Entries stand by level, then by first id; require() searches within a level. Their blocks stand one after the other: were one named by many entries,
+  // to read them all would take far longer than the file is long.
   const std::span<const DirectoryEntry> all = directory;
   const std::uint64_t blocks_end = preamble.directory_offset - sizeof(OriginEntry);
+  std::uint64_t offset = sizeof(Preamble) + preamble.header_bytes;
   for (std::size_t begin = 0; begin < all.size();) {
     if (all[begin].size < 2) return corrupt("directory entry " + std::to_string(begin));
     const int level = block_level(all[begin].size);
@@ -212,10 +214,14 @@ Status ModelFile::Impl::check_directory() {
     std::uint64_t next = 0;
     for (; end < all.size() && all[end].size >= 2 && block_level(all[end].size) == level; ++end) {
       const DirectoryEntry& entry = all[end];
+      if (entry.offset != offset)
+        return corrupt("directory entry " + std::to_string(end) + ": expected its block at byte " +
+                       std::to_string(offset) + ", where the one before ends, found " +
+                       std::to_string(entry.offset) + "; build the model again");
       if (entry.first < next || std::uint64_t{entry.first} + entry.size > header.vertex_count ||
-          entry.offset < sizeof(Preamble) || entry.offset > blocks_end ||
-          entry.bytes > blocks_end - entry.offset)
+          entry.bytes > blocks_end - offset)
         return corrupt("directory entry " + std::to_string(end));
+      offset += entry.bytes;
       next = std::uint64_t{entry.first} + entry.size;
     }
     if (level < static_cast<int>(levels.size())) return corrupt("directory levels out of order");
@@ -354,7 +360,7 @@ Status ModelFile::Impl::check_blocks() const {
   std::uint64_t end = sizeof(Preamble) + preamble.header_bytes;
   for (const DirectoryEntry& entry : directory) {
     NEARMESH_RETURN_IF_ERROR(read_block(entry, bytes));
-    end = std::max(end, entry.offset + entry.bytes);
+    end = entry.offset + entry.bytes;
   }
   // What fills up the last block is under no checksum.
   const std::uint64_t origin_offset = preamble.directory_offset - sizeof(OriginEntry);

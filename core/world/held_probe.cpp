@@ -145,26 +145,25 @@ class Prober {
  private:
   template <class Meets>
   Status walk(const Meets& accepts, std::vector<Met>& out) {
-    std::uint64_t left = world_.record.tiles + kMaxPageLevel + 1;
-    return walk(world_.root, accepts, out, left);
+    MetPages met(world_.record);
+    return walk(world_.root, accepts, out, met);
   }
   template <class Meets>
-  Status walk(const WorldPage& from, const Meets& accepts, std::vector<Met>& out,
-              std::uint64_t& left) {
-    if (left-- == 0) return {StatusCode::kCorrupt, "its pages list more tiles than its record"};
+  Status walk(const WorldPage& from, const Meets& accepts, std::vector<Met>& out, MetPages& met) {
     for (const WorldEntry& entry : from.entries) {
       if (!accepts(entry.box())) continue;
       if (from.level == 0) {
         out.push_back({entry});
         continue;
       }
+      NEARMESH_RETURN_IF_ERROR(met.meet(entry.content));
       const Result<const WorldPage*> below = world_.page_of(entry, from.level - 1);
       NEARMESH_RETURN_IF_ERROR(below);
       if (below.value() == nullptr) {
         out.push_back({entry, true});
         continue;
       }
-      NEARMESH_RETURN_IF_ERROR(walk(*below.value(), accepts, out, left));
+      NEARMESH_RETURN_IF_ERROR(walk(*below.value(), accepts, out, met));
     }
     return Status::ok();
   }

@@ -15,15 +15,10 @@ class Search {
  public:
   Search(const WorldRecord& world, const PageOf& page_of, const RelativeFrame& body_in_world,
          const GridBox& body)
-      : most_pages_(world.tiles + kMaxPageLevel + 1),
-        page_of_(page_of),
-        frame_(body_in_world),
-        body_(centered(body)) {}
+      : met_(world), page_of_(page_of), frame_(body_in_world), body_(centered(body)) {}
 
   Status walk(const WorldPage& page, NearTiles& out) {
-    // Each page of an honest world has a tile of its own below it, or is above such a page.
-    if (++out.pages > most_pages_)
-      return {StatusCode::kCorrupt, "its pages list more tiles than its record"};
+    ++out.pages;
     for (const WorldEntry& entry : page.entries) {
       const CenteredBox box = centered(as_grid_box(entry.box()));
       if (const double gap_m = boxes_gap_m(frame_, box, body_, out.apart_m); gap_m > 0) {
@@ -34,6 +29,7 @@ class Search {
         out.tiles.push_back(entry);
         continue;
       }
+      NEARMESH_RETURN_IF_ERROR(met_.meet(entry.content));
       const auto below = page_of_(entry, page.level - 1);
       NEARMESH_RETURN_IF_ERROR(below);
       if (below.value() == nullptr) {
@@ -46,7 +42,7 @@ class Search {
   }
 
  private:
-  std::uint64_t most_pages_;
+  MetPages met_;
   const PageOf& page_of_;
   const RelativeFrame& frame_;
   CenteredBox body_;

@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/digest.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
 
 namespace nearmesh {
@@ -223,6 +224,19 @@ Result<WorldRecord> decode_world(std::span<const std::uint8_t> bytes) {
     return corrupt("world: " + std::to_string(world.tiles) + " tiles of " +
                    std::to_string(world.faces) + " faces");
   return world;
+}
+
+Status MetPages::meet(const ContentHash& page) {
+  const auto named = [this] { return "world " + to_hex(digest_of(encode_world(world_))); };
+  if (!met_.insert(page).second)
+    return corrupt(named() + ": expected each page once, found page " + to_hex(page) +
+                   " listed again; build the world anew");
+  // Each page of an honest world has a tile of its own below it, or is above such a page.
+  if (met_.size() > world_.tiles + kMaxPageLevel)
+    return corrupt(named() + ": expected pages of the " + std::to_string(world_.tiles) +
+                   " tiles of its record, found page " + to_hex(page) +
+                   " beyond what these need; build the world anew");
+  return Status::ok();
 }
 
 Status check_tile_grid(const Grid& grid, const WorldRecord& world) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <compare>
 #include <cstdint>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -79,6 +80,21 @@ inline constexpr std::size_t kWorldRecordBytes = 80;
 [[nodiscard]] bool is_world_record(std::span<const std::uint8_t> bytes);
 /// Any bytes. Errors: kCorrupt, kUnsupported (another version).
 [[nodiscard]] Result<WorldRecord> decode_world(std::span<const std::uint8_t> bytes);
+
+/// The pages that one walk from a world's root to its tiles has met, below the root. In a world that was made each stands once: pages hold absolute places,
+/// and no tile stands twice in one. A hostile one that lists a page again and again would make a walk as long as 36^7, through eight pages.
+class MetPages {
+ public:
+  /// The record must outlive this.
+  explicit MetPages(const WorldRecord& world) : world_(world) {}
+  /// Before a page is looked at, whether or not it is at hand. Errors: kCorrupt, naming world and page: it was met before, or there are more pages than
+  /// so many tiles need. Cost: some 50 ns among tens of pages.
+  [[nodiscard]] Status meet(const ContentHash& page);
+
+ private:
+  const WorldRecord& world_;
+  std::set<ContentHash> met_;  // no hash table: who makes pages could aim at its buckets
+};
 
 /// Whether a tile's header is fit for the world: a grid of the world's cell and bits that begins at zero. Errors: kConflict.
 [[nodiscard]] Status check_tile_grid(const Grid& grid, const WorldRecord& world);

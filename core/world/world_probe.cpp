@@ -55,7 +55,7 @@ struct WorldProbe::Impl {
   std::map<ContentHash, decltype(tiles)::iterator> by_content;
 
   Result<const WorldPage*> page(const WorldEntry& entry, int level) {
-    // One page may be announced by several, not all of them truly: whatever is announced is checked.
+    // Another walk may have come to it by another entry, not all of which need be true: whatever is announced is checked.
     if (const auto at = pages.find(entry.content); at != pages.end()) {
       NEARMESH_RETURN_IF_ERROR(check_page(at->second, entry, level));
       return &at->second;
@@ -67,26 +67,25 @@ struct WorldProbe::Impl {
 
   /// Calls visit(tile) for each tile whose box, and those of the pages above it, `meets` accepts.
   template <class Meets, class Visit>
-  Status walk(const WorldPage& from, const Meets& accepts, const Visit& visit,
-              std::uint64_t& left) {
-    if (left-- == 0) return {StatusCode::kCorrupt, "its pages list more tiles than its record"};
+  Status walk(const WorldPage& from, const Meets& accepts, const Visit& visit, MetPages& met) {
     for (const WorldEntry& entry : from.entries) {
       if (!accepts(entry.box())) continue;
       if (from.level == 0) {
         visit(entry);
         continue;
       }
+      NEARMESH_RETURN_IF_ERROR(met.meet(entry.content));
       const Result<const WorldPage*> below = page(entry, from.level - 1);
       NEARMESH_RETURN_IF_ERROR(below);
-      NEARMESH_RETURN_IF_ERROR(walk(*below.value(), accepts, visit, left));
+      NEARMESH_RETURN_IF_ERROR(walk(*below.value(), accepts, visit, met));
     }
     return Status::ok();
   }
   template <class Meets, class Visit>
   Status walk(const Meets& accepts, const Visit& visit) {
     if (pages.size() > kMostPages) pages.clear();
-    std::uint64_t left = folder.world().tiles + kMaxPageLevel + 1;
-    return walk(root, accepts, visit, left);
+    MetPages met(folder.world());
+    return walk(root, accepts, visit, met);
   }
 
   Result<Tile*> open(const ContentHash& content) {

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "mesh_file_bytes.hpp"
@@ -176,6 +177,48 @@ TEST_F(ModelImportProgram, BuildsAModelForEachNodeAndASceneThatPlacesThem) {
       "\"base\", pose: {rotation: "
       "[1.0,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0], translation: [1.0,0.0,0.0]}}\n  - {name: \"arm\""))
       << scene;
+  fs::remove_all(folder.path());
+}
+
+TEST_F(ModelImportProgram, ChangesNothingInTheFolderWhereANodeIsRefused) {
+  const TempFile mesh(".dae"), folder("");
+  const auto write_nodes = [&](const std::string& unit) {
+    write(mesh, test::collada("<unit meter=\"" + unit + "\"/>",
+                              test::collada_node("", "small") +
+                                  test::collada_node("<scale>100 100 100</scale>", "large")));
+  };
+  const auto bytes_of_all = [&] {
+    std::map<std::string, std::string> all;
+    for (const auto& file : fs::directory_iterator(folder.path())) {
+      std::ifstream in(file.path(), std::ios::binary);
+      all[file.path().filename()] = {std::istreambuf_iterator<char>(in), {}};
+    }
+    return all;
+  };
+  // The small node takes 160 cells an axis, the large one 16,000 of 4,096.
+  const std::string command = "build --per-node --json " + mesh.path() + " -o " + folder.path();
+  const std::string refused = command + " --cell 0.0625 --grid-bits 12";
+  write_nodes("1");
+  const Ended at_first = run(refused);
+  EXPECT_EQ(at_first.code, 256);
+  EXPECT_NE(at_first.err.find("node large: "), std::string::npos) << at_first.err;
+  EXPECT_EQ(at_first.out, "");
+  EXPECT_FALSE(fs::exists(folder.path()));
+
+  ASSERT_EQ(run(command).code, 0);
+  const auto before = bytes_of_all();
+  EXPECT_EQ(before.size(), 3U);
+  write_nodes("1.5");
+  EXPECT_EQ(run(refused).code, 256);
+  EXPECT_EQ(bytes_of_all(), before);
+  // What is not refused replaces it all.
+  fs::permissions(folder.path() + "/small.spm", fs::perms::owner_read | fs::perms::owner_write);
+  ASSERT_EQ(run(command).code, 0);
+  const auto after = bytes_of_all();
+  EXPECT_EQ(after.size(), 3U);
+  for (const char* name : {"small.spm", "large.spm"}) EXPECT_NE(after.at(name), before.at(name));
+  EXPECT_EQ(fs::status(folder.path() + "/small.spm").permissions(),
+            fs::perms::owner_read | fs::perms::owner_write);
   fs::remove_all(folder.path());
 }
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "core/world/world_folder.hpp"
+#include "hostile_world.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "test_models.hpp"
@@ -212,6 +213,35 @@ TEST_F(WorldProgram, WhatIsThereIsNotBakedAgain) {
   EXPECT_EQ(model("check " + path("w")).code, 0);
 }
 
+TEST_F(WorldProgram, APlanFollowsTheLatticeOfTheWorldThatIsThere) {
+  const std::string command =
+      "build-world " + raw_flags() + " -o " + path("w") + " --faces 200 --json";
+  const json first = parse(model(command));
+  const json coarse = parse(model(command + " --cell 0.5 --lattice-origin=0,0,0"));
+  ASSERT_NE(coarse.at("cell_m"), first.at("cell_m"));
+  for (int round = 0; round < 2; ++round) {
+    const json again = parse(model(command));
+    EXPECT_EQ(again.at("cell_m"), 0.5);
+    EXPECT_EQ(again.at("origin_m"), coarse.at("origin_m"));
+    EXPECT_EQ(again.at("world"), coarse.at("world"));
+    EXPECT_EQ(again.at("baked"), 0);
+  }
+}
+
+// Two inputs that fall on the same points of the lattice from other places: their tiles differ in what rounding took.
+TEST_F(WorldProgram, ItsNameDoesNotFollowFromWhatWasBakedBefore) {
+  const auto build = [this](const std::string& east, const std::string& world) {
+    return parse(model("build-world " + path("hill.raw") +
+                       " --raw 41x31,i16le --spacing 2.5,2.5 --nodata -32768 --crs file --corner " +
+                       east + ",-20 --cell 0.0078125 --lattice-origin=0,0,0 --json -o " +
+                       path(world)));
+  };
+  const json exact = build("10", "w"), after = build("10.001", "w"), alone = build("10.001", "v");
+  EXPECT_NE(exact.at("world"), alone.at("world"));
+  EXPECT_EQ(after.at("world"), alone.at("world"));
+  EXPECT_EQ(build("10", "v").at("world"), exact.at("world"));
+}
+
 TEST_F(WorldProgram, TheSameTilesMayStandManyTimes) {
   const std::string command =
       "build-world " + raw_flags() + " --cell 0.01 -o " + path("w") + " --faces 300 --json";
@@ -355,6 +385,18 @@ TEST_F(WorldProgram, SaysWhatIsWrong) {
   const std::string page = fs::directory_iterator(world + "/pages")->path().string();
   std::fstream(page, std::ios::binary | std::ios::in | std::ios::out).seekp(20).put(1);
   says(model("info " + world), fs::path(page).filename().string());
+}
+
+// Eight such pages would take 36^7 steps; of four whoever follows each entry comes to the end, and says something else.
+TEST_F(WorldProgram, RefusesAWorldWhosePagesAreListedAgain) {
+  const WorldPages hostile = test::world_that_repeats_its_pages(4);
+  ASSERT_TRUE(write_world(hostile, path("w")).is_ok());
+  for (const char* command : {"info ", "check "}) {
+    const Ended ended = model(command + path("w"));
+    EXPECT_EQ(ended.code, 256);
+    for (const std::string& what : {path("w"), to_hex(hostile.name), std::string("listed again")})
+      EXPECT_NE(ended.err.find(what), std::string::npos) << ended.err;
+  }
 }
 
 TEST_F(WorldProgram, ProbeTellsHeightsAboveTilesAsAboveOneModel) {

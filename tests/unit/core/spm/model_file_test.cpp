@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
@@ -467,6 +468,53 @@ TEST(ModelFile, RequireRefusesWhatIsNoNode) {
   EXPECT_FALSE(file.value().require({{file.value().header().vertex_count}, 2}).is_ok());
 }
 
+// Each entry could name the same long block: to read them all would take as long as so many files.
+TEST(ModelFile, RefusesBlocksThatDoNotStandOneAfterTheOther) {
+  const auto good = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, good.data(), sizeof preamble);
+  std::vector<DirectoryEntry> entries(preamble.block_count);
+  std::memcpy(entries.data(), good.data() + preamble.directory_offset,
+              entries.size() * sizeof(DirectoryEntry));
+  ASSERT_GE(entries.size(), 3U);
+  ASSERT_EQ(entries.front().offset, sizeof(Preamble) + preamble.header_bytes);
+  const TempFile file;
+  const auto with = [&](const std::vector<DirectoryEntry>& changed) {
+    auto bytes = good;
+    std::memcpy(bytes.data() + preamble.directory_offset, changed.data(),
+                changed.size() * sizeof(DirectoryEntry));
+    test::reseal(bytes);
+    file.write(bytes);
+    return file.path();
+  };
+  EXPECT_TRUE(ModelFile::open(with(entries)).is_ok());
+  const auto refused = [&](const std::vector<DirectoryEntry>& changed, std::size_t entry) {
+    const std::string path = with(changed);
+    expect_refused(path, StatusCode::kCorrupt);
+    const std::string message = ModelFile::open(path).status().message();
+    EXPECT_NE(message.find("directory entry " + std::to_string(entry) + ": expected its block at"),
+              std::string::npos)
+        << message;
+  };
+  auto changed = entries;  // all name one block
+  for (DirectoryEntry& entry : changed) {
+    entry.offset = entries[0].offset;
+    entry.bytes = entries[0].bytes;
+  }
+  refused(changed, 1);
+  changed = entries;  // two blocks share bytes
+  --changed[2].offset;
+  ++changed[2].bytes;
+  refused(changed, 2);
+  changed = entries;  // bytes before the first
+  ++changed[0].offset;
+  --changed[0].bytes;
+  refused(changed, 0);
+  changed = entries;  // bytes between two blocks
+  --changed[0].bytes;
+  refused(changed, 1);
+}
+
 TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
   auto bytes = small_file();
   Preamble preamble;
@@ -476,8 +524,11 @@ TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
               entries.size() * sizeof(DirectoryEntry));
   ASSERT_GE(entries.size(), 2U);
   ASSERT_LE(entries[1].size, kSlotSize);
-  std::swap(entries[0].offset, entries[1].offset);
+  const auto first = bytes.begin() + static_cast<std::ptrdiff_t>(entries[0].offset);
+  std::rotate(first, first + static_cast<std::ptrdiff_t>(entries[0].bytes),
+              first + static_cast<std::ptrdiff_t>(entries[0].bytes + entries[1].bytes));
   std::swap(entries[0].bytes, entries[1].bytes);
+  entries[1].offset = entries[0].offset + entries[0].bytes;
   std::memcpy(bytes.data() + preamble.directory_offset, entries.data(),
               entries.size() * sizeof(DirectoryEntry));
   test::reseal(bytes);
