@@ -8,6 +8,7 @@
 #include "core/query/find_missing.hpp"
 #include "core/query/lacking_ahead.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
+#include "nearmesh/core/spm/detail/header.hpp"
 
 namespace nearmesh {
 namespace {
@@ -298,6 +299,16 @@ BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest&
               false};
     found.push_back(std::move(mirror).value());
   }
+  // A query of a solid rests on its surface being closed.
+  for (const CertificateRequest::Pair& pair : request.pairs)
+    for (const auto& [model, is_solid] :
+         {std::pair{pair.a, pair.solid_a}, std::pair{pair.b, pair.solid_b}})
+      if (is_solid)
+        if (const Status status =
+                check_solid(found[model]->file().header().surface,
+                            "of content " + to_hex(request.models[model].content));
+            !status.is_ok())
+          return {{}, status.message(), {}, true};
   return {CertificateMaker(request, std::move(found)), {}, {}, false};
 }
 

@@ -2,7 +2,7 @@
 #include "service.hpp"
 
 #include <algorithm>
-#include <tuple>
+#include <utility>
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
@@ -244,45 +244,51 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
   conflicts_ = std::move(found);
 }
 
-/// The end when its queue is full enough at that urgency, or nothing is open.
-Service::OpenRequests::iterator Service::most_urgent(Peer& peer) const {
-  const auto rank = [this](const Open& open) {
-    return std::tuple(open.may_begin_s > now_s_, open.subscription.priority,
-                      open.subscription.request);
+/// The end when its queue is full enough at that urgency, or nothing is open that may go on. `may_begin`: or begin.
+Service::OpenRequests::iterator Service::most_urgent(Peer& peer, bool may_begin) const {
+  const auto rank = [](const Open& open) {
+    return std::pair(open.subscription.priority, open.subscription.request);
   };
-  const auto found = std::min_element(
-      peer.open.begin(), peer.open.end(),
-      [&](const auto& a, const auto& b) { return rank(a.second) < rank(b.second); });
-  if (found == peer.open.end() || found->second.may_begin_s > now_s_) return peer.open.end();
+  auto found = peer.open.end();
+  for (auto at = peer.open.begin(); at != peer.open.end(); ++at) {
+    const Open& open = at->second;
+    if (open.may_begin_s > now_s_ || !(may_begin || open.parts)) continue;
+    if (found == peer.open.end() || rank(open) < rank(found->second)) found = at;
+  }
+  if (found == peer.open.end()) return found;
   std::size_t queued_bytes = 0;
   for (const Waiting& waiting : peer.queue)
     if (waiting.priority <= found->second.subscription.priority)
       queued_bytes += waiting.message.bytes.size() + kBatchFramingBytes;
-  return queued_bytes < kEnoughQueuedBytes ? found : peer.open.end();
+  if (queued_bytes < kEnoughQueuedBytes) return found;
+  // An answer that is being collected goes on all the same: it adds nothing to the queue until it is through, and others wait for
+  // its place.
+  return std::find_if(peer.open.begin(), peer.open.end(), [this](const auto& entry) {
+    return entry.second.is_collecting && entry.second.may_begin_s <= now_s_;
+  });
 }
 
-/// Whose last turn is longest ago.
-Service::Peers::iterator Service::next_in_turn() {
+/// Whose last turn is longest ago, and its request.
+std::optional<Service::Turn> Service::next_in_turn() {
   std::size_t collecting = 0;
   for (const auto& [id, peer] : peers_)
     for (const auto& [key, open] : peer.open) collecting += open.is_collecting ? 1 : 0;
-  auto next = peers_.end();
+  std::optional<Turn> next;
   for (auto at = peers_.begin(); at != peers_.end(); ++at) {
     Peer& peer = at->second;
-    if (peer.open.empty() || (next != peers_.end() && next->second.last_turn <= peer.last_turn))
-      continue;
-    const auto open = most_urgent(peer);
-    if (open == peer.open.end()) continue;
-    if (collecting >= kMaxCollecting && !open->second.parts) continue;
-    next = at;
+    if (peer.open.empty() || (next && next->peer->second.last_turn <= peer.last_turn)) continue;
+    const auto open = most_urgent(peer, collecting < kMaxCollecting);
+    if (open != peer.open.end()) next = Turn{at, open};
   }
   return next;
 }
 
-/// One part of the peer's most urgent request.
-void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines) {
+/// One part of the request.
+void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& lines) {
+  const wire::SessionId id = turn.peer->first;
+  Peer& peer = turn.peer->second;
   peer.last_turn = ++turns_;
-  const auto at = most_urgent(peer);
+  const auto at = turn.open;
   Open& open = at->second;
   Status fault;
   if (!open.parts) {
@@ -414,9 +420,9 @@ std::vector<std::string> Service::step(double now_s) {
   is_behind_ = true;
   for (int turn = 0; turn < kMaxTurns && is_behind_; ++turn) {
     take_requests(now_s);  // before each turn: what came now may have waited least, but is due
-    const auto next = next_in_turn();
-    if (next != peers_.end()) serve(next->first, next->second, now_s, complaints);
-    is_behind_ = send(now_s) || next != peers_.end();
+    const std::optional<Turn> next = next_in_turn();
+    if (next) serve(*next, now_s, complaints);
+    is_behind_ = send(now_s) || next;
   }
   stats_.peers = peers_.size();
   find_conflicts(complaints);

@@ -141,9 +141,13 @@ class Service {
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
   using OpenRequests = decltype(Peer::open);
-  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer) const;
-  [[nodiscard]] Peers::iterator next_in_turn();
-  void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
+  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer, bool may_begin) const;
+  struct Turn {
+    Peers::iterator peer;
+    OpenRequests::iterator open;
+  };
+  [[nodiscard]] std::optional<Turn> next_in_turn();
+  void serve(const Turn& turn, double now_s, std::vector<std::string>& lines);
   [[nodiscard]] Result<Parts> begin(wire::SessionId id, Peer& peer, const Open& open);
   void refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
               double now_s, std::vector<std::string>& lines);

@@ -435,6 +435,20 @@ TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {
   EXPECT_TRUE(desk.begin(request).wants_regions) << "another model";
 }
 
+// Anyone may ask, so a word that the model does not bear out ends no publisher.
+TEST(CertificateRequests, OfOpenSurfacesAsSolidsAreSentAway) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
+  Desk desk(terrain, aircraft);
+  Motion far;
+  far.pose.translation_m = {0, 0, 1e6};
+  CertificateRequest request = desk.ask({}, far, 0);
+  request.pairs[0].solid_a = true;
+  const BegunCertificate begun = desk.begin(request);
+  EXPECT_FALSE(begun.maker);
+  EXPECT_TRUE(begun.wants_regions);
+  EXPECT_NE(begun.why_not.find("boundary edges"), std::string::npos) << begun.why_not;
+}
+
 TEST(CertificateRequests, ComeBackAsTheyWerePacked) {
   Random random(4);
   CertificateRequest request;

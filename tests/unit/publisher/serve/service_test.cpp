@@ -2,6 +2,7 @@
 #include "publisher/serve/service.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include "core/demand/collect.hpp"
 #include "held_whole.hpp"
@@ -703,6 +704,43 @@ TEST(Service, FewAnswersAreCollectedAtATime) {
   for (int i = 0; i < 40; ++i) desk.service.step(0);
   EXPECT_EQ(answered, 40);
   EXPECT_EQ(most, 8);
+}
+
+// A place among those that collect is given up in the end, though the peer takes nothing and its queue is full of what is urgent.
+TEST(Service, WhoTakesNothingHoldsUpNobodysCollecting) {
+  Desk desk;
+  constexpr wire::SessionId kStalled = 8;
+  std::set<int> begun;
+  int next = 0;
+  desk.service.add_answerer({0, 7}, [&](const RegionRequest&) {
+    begun.insert(next);
+    return Service::Parts([left = 300]() mutable -> Result<Service::Part> {
+      if (--left > 0) return Service::Part{};
+      return Service::Part{{}, {}, true};
+    });
+  });
+  desk.service.add_answerer({0, 9}, [&](const RegionRequest&) {
+    return Service::Parts([]() -> Result<Service::Part> {
+      return Service::Part{{0, 9}, {std::vector<std::uint8_t>(1000)}, false};
+    });
+  });
+  desk.bus.accept_batches = false;
+  const auto ask = [&](wire::SessionId peer, std::uint32_t number, std::uint64_t content,
+                       std::uint8_t priority) {
+    wire::RegionSubscription subscription = desk.request(number);
+    subscription.peer = peer;
+    subscription.content_hash = {0, content};
+    subscription.priority = priority;
+    desk.bus.inject(subscription);
+  };
+  for (wire::SessionId peer = 1; peer <= kStalled; ++peer) ask(peer, 1, 7, 1);
+  desk.service.step(0);
+  for (wire::SessionId peer = 1; peer <= kStalled; ++peer) ask(peer, 2, 9, 0);
+  desk.service.step(0.01);
+  next = 1;
+  ask(kStalled + 1, 1, 7, 1);
+  for (int i = 2; i < 60; ++i) desk.service.step(0.01 * i);
+  EXPECT_TRUE(begun.contains(1)) << "the ninth waits for those that take nothing";
 }
 
 TEST(Service, KeepsServingAfterARefusal) {
