@@ -37,7 +37,9 @@ std::uint64_t place_digest(std::string_view name, const ContentHash& content,
 void FreePairs::add(double way_m, double age_s) {
   if (way_m < next_way_m_) next_way_m_ = std::max(way_m, least_way_m_);
   least_way_m_ = std::min(least_way_m_, way_m);
-  if (way_m > 0) oldest_s_ = std::max(oldest_s_, age_s);
+  if (way_m <= 0) return;
+  oldest_s_ = std::max(oldest_s_, age_s);
+  newest_s_ = std::max(newest_s_, -age_s);
 }
 
 // Boxes that do not meet are farther apart than both ways and margins.
@@ -45,7 +47,9 @@ double FreePairs::clearance_m(double margin_m) const {
   return (least_way_m_ + next_way_m_ + 2 * margin_m) * (1 - 0x1p-40);
 }
 
+// A box holds where the body is for the look-ahead before its pose's time and after it.
 double FreePairs::horizon_s(double lookahead_s) const {
+  if (newest_s_ > lookahead_s) return 0;
   return std::max(0.0, lookahead_s - oldest_s_);
 }
 

@@ -30,7 +30,7 @@ class FreePairs {
 
  private:
   double least_way_m_ = std::numeric_limits<double>::infinity(), next_way_m_ = least_way_m_;
-  double oldest_s_ = 0;
+  double oldest_s_ = 0, newest_s_ = 0;  // so long before and after the frame's time
 };
 
 /// As reports carry it: no more than the number, and no more than the largest.

@@ -38,10 +38,9 @@ const PairAnswer* FrameReport::find(BodyId a, BodyId b) const {
 
 Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
     : impl_(std::make_unique<Impl>()) {
-  NEARMESH_ASSERT(options.sweep_s >= 0);
-  NEARMESH_ASSERT(options.max_pose_age_s >= 0);
   impl_->channel = std::move(channel);
   impl_->replicas.use_cache(options.cache_folder);
+  impl_->options_status = check(options);
   impl_->options = options;
   impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
@@ -53,6 +52,11 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
   const FloatGuard guard;
   Impl& impl = *impl_;
+  NEARMESH_RETURN_IF_ERROR(impl.options_status);
+  if (!(budget_s >= 0))
+    return Status{StatusCode::kInvalidArgument, "budget_s of frame " + std::to_string(frame) +
+                                                    " is " + std::to_string(budget_s) +
+                                                    ", expected seconds, at least 0"};
   for (const OwnMotion& own : motions) {
     const Body* body = impl.find(own.body);
     if (body == nullptr) return no_such(own.body);

@@ -120,6 +120,7 @@ Status Session::place_body(BodyId body, const Pose& pose) {
   placed->motion = Motion{.pose = orthonormal(pose)};
   placed->stamp.mover = wire::Mover::kThere;
   placed->is_placed = true;
+  impl_->forget_heard(*placed);
   impl_->ask_anew(*placed);
   return Status::ok();
 }
@@ -139,7 +140,14 @@ Status Session::remove_body(BodyId body) {
   return Status::ok();
 }
 
+/// What the host heard of it before it was placed or removed is of no body of that name that is there later.
+void Session::Impl::forget_heard(const Body& body) {
+  std::erase_if(heard_by_host, [&](const wire::BodyPose& pose) { return pose.body == body.name; });
+}
+
 void Session::Impl::remove_body(Body& body) {
+  looks_at_told |= !body.is_discovered;
+  forget_heard(body);
   forget_tiles(body);
   forget_robot(body);
   std::erase_if(pairs, [&](const auto& entry) { return entry.second.has(body); });
@@ -210,14 +218,19 @@ void Session::Impl::watch_many(bool only_own) {
   }
 }
 
-void Session::discover_bodies() { impl_->discovers = true; }
+void Session::discover_bodies() {
+  impl_->discovers = true;
+  impl_->looks_at_told = true;
+}
 
 Status Session::watch(BodyId a, BodyId b) {
   for (const BodyId body : {a, b})
     if (impl_->find(body) == nullptr) return no_such(body);
   if (a == b) return {StatusCode::kInvalidArgument, "body " + name_of(a) + " against itself"};
   Impl::Pair& pair = impl_->pairs[key_of(a, b)];
-  if (std::exchange(pair.is_by_name, true)) return Status::ok();
+  if (pair.is_by_name) return Status::ok();
+  if (pair.a != impl_->find(a)) pair = {};  // what is kept of it has the other order
+  pair.is_by_name = true;
   pair.a = impl_->find(a);
   pair.b = impl_->find(b);
   pair.last = not_asked(pair.names());
@@ -394,7 +407,11 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
       // That a body is unknown does not end what it touched.
       const bool is_proved = pair.contacts.is_empty() ||
                              (broad.is_placed(*pair.a->slot) && broad.is_placed(*pair.b->slot));
-      if (pair.is_by_name || pair.near_in == updates || !is_proved) {
+      if (pair.is_by_name || pair.near_in == updates) {
+        ++at;
+      } else if (!broad.wants(*pair.a->slot, *pair.b->slot)) {
+        at = pairs.erase(at);  // it is watched no more, and its contacts may go on
+      } else if (!is_proved) {
         ++at;
       } else {
         end_contacts(pair, report);

@@ -148,6 +148,7 @@ inline constexpr const char* kOutOfBudget = "out of budget";
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
   SessionOptions options;
+  Status options_status;  // of check()
   ReplicaSet replicas;
   std::map<std::uint32_t, Body>
       bodies;  // by BodyId; where they are does not change, so pairs may point at them
@@ -157,7 +158,9 @@ struct Session::Impl {
   std::uint32_t next_number = 0;
   std::set<std::uint32_t> untold_parts;  // of the directory: others know them otherwise
   bool discovers = false;
-  std::unordered_map<std::string, BodyId> named;             // for what comes from the bus
+  std::map<std::string, wire::BodyDirectory::Body> told_bodies;  // that others move
+  bool looks_at_told = false;                     // for those that are to be discovered after all
+  std::unordered_map<std::string, BodyId> named;  // for what comes from the bus
   using Reported = std::pair<std::uint64_t, std::uint64_t>;  // frame and digest of the answer
   struct Pair {
     Body* a = nullptr;
@@ -176,6 +179,7 @@ struct Session::Impl {
     bool lacks_soon = false;    // of one by region: by this update's look
     bool is_by_name = false;    // watched by name
     bool is_of_tile = false;    // a part of one with a world
+    ContentHash of_world;       // of such a part: the world's state
     std::uint64_t near_in = 0;  // the update that found it near last
     double looked_ahead_s = -std::numeric_limits<double>::infinity();
     double look_cost_s = 0;  // then
@@ -351,6 +355,7 @@ struct Session::Impl {
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
   void take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  void forget_heard(const Body& body);
   void forget_robot(Body& body);
   [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
   [[nodiscard]] Status check_links(const std::vector<OwnMotion>& motions) const;

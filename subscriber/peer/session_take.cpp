@@ -39,22 +39,28 @@ void Session::Impl::take_inbox(FrameReport& report) {
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   if (inbox.recorder_came) note_recorder();
-  if (discovers) take_bodies(inbox, report);
+  take_bodies(inbox, report);
   take_poses(inbox, complaints);
   take_wishes(inbox);
 }
 
+/// Who asks for discovery later, or declares a body no more, is told of those that came before.
 void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report) {
   for (const auto& [entry, is_gone] : inbox.bodies) {
     if (!is_gone) {
-      take_body(entry, report);
+      told_bodies.insert_or_assign(entry.name, entry);
+      if (discovers) take_body(entry, report);
       continue;
     }
+    told_bodies.erase(entry.name);
     const auto at = named.find(entry.name);
     if (at == named.end() || !find(at->second)->is_discovered) continue;
     report.went.push_back(at->second);
     remove_body(*find(at->second));
   }
+  if (!discovers || !std::exchange(looks_at_told, false)) return;
+  for (const auto& [name, entry] : told_bodies)
+    if (!named.contains(name)) take_body(entry, report);
 }
 
 /// What the host declared stays as it is.
@@ -121,6 +127,13 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
     complaints.push_back("the time of body " + pose.body + "'s poses went back from " +
                          std::to_string(body.stamp.time_s) + " to " + std::to_string(pose.time_s) +
                          " s; this is said once");
+  // Whoever has the name now may have promised nothing.
+  const std::optional<wire::BodyPromise>& promise = body.promises[0];
+  if (promise && pose.sequence != 0 &&
+      (promise->peer != pose.peer || promise->number != pose.number)) {
+    body.promises = {};
+    body.promiser = wire::Mover::kNone;
+  }
   body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
   body.is_placed = false;
   body.is_new_to_bounds = true;

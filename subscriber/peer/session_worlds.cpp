@@ -106,6 +106,9 @@ void Session::Impl::join_tiles(FrameReport& report) {
       const PairKey key = std::minmax(pair.a->id.value, pair.b->id.value);
       Pair& its = tile_pairs[{key, entry}];
       its.is_of_tile = true;
+      // The same tile of another state of the world may stand elsewhere.
+      if (std::exchange(its.of_world, world.model->content_hash) != world.model->content_hash)
+        its.certified.reset();
       its.a = is_a ? tile : pair.a;
       its.b = is_a ? pair.b : tile;
       its.near_in = updates;
@@ -217,7 +220,9 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
   note_part(content, world.model->content_hash);
   PeerModel* model = replicas.find(content);
   if (model == nullptr) {
-    model = &replicas.add(world.model->name + " tile " + to_hex(content));
+    // Longer than names from outside may be: no body shall have the model of a tile.
+    model = &replicas.add(world.model->name + " tile " + to_hex(content) + ", first of world " +
+                          to_hex(world.model->content_hash));
     if (!model->content_hash.is_set()) {
       model->is_tile = true;
       static_cast<void>(replicas.assign(*model, content, complaints));
@@ -270,6 +275,7 @@ void Session::Impl::leave_tiles() {
   if (std::erase_if(tile_bodies, is_unused) > 0) {
     std::set<const PeerModel*> used;
     for (const auto& [key, body] : tile_bodies) used.insert(body.model);
+    for (const auto& [id, body] : bodies) used.insert(body.model);
     std::vector<std::string> unused;
     for (const auto& [name, model] : replicas.all())
       if (model.is_tile && !used.contains(&model)) unused.push_back(name);

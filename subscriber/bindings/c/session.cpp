@@ -18,11 +18,7 @@ using subscriber::Session;
 using subscriber::SessionOptions;
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kMostSeconds = 3600, kLeastTimeout_s = 1e-3, kLeastSweep_s = 1e-9;
-constexpr double kMostMargin_m = 1e9;
-constexpr double kLeastPromise_s = 0.1;
-constexpr std::uint32_t kLeastWindow = 2048;  // a batch and its frame
-constexpr wire::SessionId kOtherPeer = 3;     // beside LocalChannel's own two
+constexpr wire::SessionId kOtherPeer = 3;  // beside LocalChannel's own two
 
 static_assert(NEARMESH_WAITING == static_cast<int>(subscriber::ReadyStage::kWaiting) &&
               NEARMESH_ANSWERING == static_cast<int>(subscriber::ReadyStage::kAnswering) &&
@@ -68,20 +64,8 @@ constexpr nearmesh_body_options kBodyDefaults{.size = sizeof(nearmesh_body_optio
 Result<SessionOptions> session_options_of(const nearmesh_session_options* given) {
   nearmesh_session_options read = session_defaults();
   NEARMESH_RETURN_IF_ERROR(read_options(given, "nearmesh_session_options", read));
-  NEARMESH_RETURN_IF_ERROR(check_number(read.max_pose_age_s, 0, kInfinite, "max_pose_age_s"));
-  NEARMESH_RETURN_IF_ERROR(check_number(read.lookahead_s, 0, kMostSeconds, "lookahead_s"));
-  NEARMESH_RETURN_IF_ERROR(check_number(read.margin_m, 0, kMostMargin_m, "margin_m"));
-  if (read.sweep_s != 0)
-    NEARMESH_RETURN_IF_ERROR(check_number(read.sweep_s, kLeastSweep_s, kMostSeconds, "sweep_s"));
-  NEARMESH_RETURN_IF_ERROR(
-      check_number(read.request_timeout_s, kLeastTimeout_s, kMostSeconds, "request_timeout_s"));
-  NEARMESH_RETURN_IF_ERROR(check_number(read.audit_s, 0, kInfinite, "audit_s"));
-  NEARMESH_RETURN_IF_ERROR(check_number(read.window_bytes, kLeastWindow,
-                                        std::numeric_limits<std::uint32_t>::max(), "window_bytes"));
   NEARMESH_RETURN_IF_ERROR(
       check_number(read.clearance, NEARMESH_CLEARANCE_NONE, NEARMESH_CLEARANCE_EXACT, "clearance"));
-  NEARMESH_RETURN_IF_ERROR(
-      check_number(read.promise_s, kLeastPromise_s, wire::kMaxPromise_s, "promise_s"));
   SessionOptions options;
   options.max_pose_age_s = read.max_pose_age_s;
   options.lookahead_s = read.lookahead_s;
@@ -104,6 +88,7 @@ Result<SessionOptions> session_options_of(const nearmesh_session_options* given)
   options.max_sweep_tests = read.max_sweep_tests;
   options.max_depth_tests = read.max_depth_tests;
   options.promise_s = read.promise_s;
+  NEARMESH_RETURN_IF_ERROR(subscriber::check(options));
   return options;
 }
 
@@ -466,7 +451,6 @@ nearmesh_status nearmesh_session_update(nearmesh_session* session, uint64_t fram
                                         nearmesh_error* error) noexcept {
   if (frame != nullptr) *frame = nullptr;
   return c::changing(session, error, [&]() -> Status {
-    NEARMESH_RETURN_IF_ERROR(c::check_number(budget_s, 0, c::kInfinite, "budget_s"));
     NEARMESH_RETURN_IF_ERROR(c::take_motions(*session, bodies, motions, count));
     Result<subscriber::FrameReport> report =
         session->session->update(frame_number, time_s, session->motions, budget_s);

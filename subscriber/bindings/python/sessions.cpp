@@ -218,6 +218,7 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
       throw py::type_error("unexpected option " + name);
     }
   }
+  need(subscriber::check(options));
   return options;
 }
 

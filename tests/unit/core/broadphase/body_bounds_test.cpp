@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/broadphase/body_bounds.hpp"
+#include "core/broadphase/free_pairs.hpp"
 
 #include "test_models.hpp"
 
@@ -112,6 +113,22 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
   expect_apart_where_boxes_part(small, large);  // the rounding of rotations weighs most
   expect_apart_where_boxes_part(large, small);
   expect_apart_where_boxes_part(small, small);  // that of the lattice does
+}
+
+// Each body's box holds where it is for half a second before its pose's time and after it.
+TEST(FreePairsOf, PosesOfAnotherTimeLeaveLessOfTheLookAhead) {
+  const auto horizon_s = [](double way_m, double age_s) {
+    FreePairs pairs;
+    pairs.add(way_m, age_s);
+    pairs.add(0, 0);
+    return pairs.horizon_s(0.5);
+  };
+  EXPECT_EQ(horizon_s(150, 0), 0.5);
+  EXPECT_EQ(horizon_s(150, 0.125), 0.375);
+  EXPECT_EQ(horizon_s(150, 2), 0);
+  EXPECT_EQ(horizon_s(150, -0.25), 0.5);
+  EXPECT_EQ(horizon_s(150, -1.5), 0) << "a second before its pose's time it is outside of its box";
+  EXPECT_EQ(horizon_s(0, -1.5), 0.5) << "it rests";
 }
 
 TEST(RoamSeconds, AreFourToEightAndSpreadOverTheBodies) {

@@ -53,6 +53,28 @@ TEST_F(Discovery, BodiesComeWithTheirFirstPoseAsTheirMoverDescribesThem) {
   EXPECT_EQ(report.free_by_bounds.pairs + report.answers.size(), 1U);
 }
 
+TEST_F(Discovery, ThoseThatCameBeforeItWasAskedForComeToo) {
+  subscriber::Session late(world_.bus.make_peer(kLooksOn - 1));
+  late.watch_all();
+  ASSERT_TRUE(late.add_body({.name = "two", .model = "aircraft"}).is_ok());
+  world_.round(*one_, 1, {{test::kOne, flight_.one[0]}});
+  world_.round(*two_, 1, {{test::kTwo, flight_.two[0]}});
+  const auto update = [&] {
+    look();
+    std::vector<std::string> came;
+    const FrameReport report = late.update(1, 0.05, {}, 1).value();
+    for (const BodyId body : report.came) came.push_back(late.name_of(body));
+    return came;
+  };
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(update().empty());
+  late.discover_bodies();
+  EXPECT_EQ(update(), (std::vector<std::string>{"one"}));
+  EXPECT_TRUE(update().empty());
+  // Declared no more, and still moved.
+  ASSERT_TRUE(late.remove_body(BodyId{0}).is_ok());
+  EXPECT_EQ(update(), (std::vector<std::string>{"two"}));
+}
+
 TEST_F(Discovery, ABodyThatIsRemovedGoesAndOneWhoseMoverLeftStaysUnknown) {
   world_.round(*one_, 1, {{test::kOne, flight_.one[0]}});
   world_.round(*two_, 1, {{test::kTwo, flight_.two[0]}});

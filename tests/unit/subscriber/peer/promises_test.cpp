@@ -213,6 +213,30 @@ TEST_F(Promises, OfAMoverThatLeftAreVoidAndThoseOfTheNextCount) {
   EXPECT_TRUE(is_certified(report.answers[0].answer.status)) << report.answers[0].reason;
 }
 
+TEST_F(Promises, OfAMoverThatLeftSayNothingOfAnotherBodyOfTheName) {
+  fly(0, flying({50'000, 0, 0}, {}, 0));
+  EXPECT_EQ(watch(1).free_by_bounds.pairs, 1U);
+  mover_.reset();
+  mover_ = join(kMover + 0x10);
+  far_ = mover_->add_body(moved_body("far", 0)).value();
+  FrameReport report;
+  for (std::uint64_t frame = 2; frame < 8; ++frame) report = fly(frame, flying({40, 0, 0}, {}, 0));
+  EXPECT_EQ(report.free_by_bounds.pairs, 0U);
+  ASSERT_EQ(report.answers.size(), 1U);
+  EXPECT_TRUE(is_certified(report.answers[0].answer.status)) << report.answers[0].reason;
+}
+
+TEST_F(Promises, OfABodyThatIsRemovedSayNothingOfTheNextOfItsName) {
+  fly(0, flying({50'000, 0, 0}, {}, 0));
+  EXPECT_EQ(watch(1).free_by_bounds.pairs, 1U);
+  ASSERT_TRUE(mover_->remove_body(far_).is_ok());
+  far_ = mover_->add_body(moved_body("far", 0)).value();
+  FrameReport report;
+  for (std::uint64_t frame = 2; frame < 8; ++frame) report = fly(frame, flying({40, 0, 0}, {}, 0));
+  EXPECT_EQ(report.free_by_bounds.pairs, 0U);
+  EXPECT_EQ(report.answers.size(), 1U);
+}
+
 TEST_F(Promises, OfAStrangerAboutAnOwnBodyAreIgnored) {
   fly(0, flying({50'000, 0, 0}, {}, 0));
   auto stranger = join(0xdd);

@@ -213,6 +213,37 @@ TEST(SessionContacts, OfBodiesThatBoundsProveApartTheyEnd) {
   EXPECT_EQ(count(away, ContactChange::kEnd), all);
 }
 
+TEST(SessionContacts, OfBodiesThatAreWatchedNoMoreNothingIsSaid) {
+  LocalHost host({.lookahead_s = 0.2, .contacts = true});
+  host.session->watch_all();
+  const BodyId one =
+      host.session->add_body({.name = "one", .model = "aircraft", .own = true}).value();
+  ASSERT_GT(host.settle({{one, above_ground(300, 1)}}), 0);
+  ASSERT_FALSE(host.update().contact_events.empty());
+  // Where it is, and touching as before: but of scenery no pairs are watched.
+  ASSERT_TRUE(host.session->place_body(one, above_ground(300, 1).pose).is_ok());
+  for (int i = 0; i < 3; ++i) {
+    const FrameReport report = host.update();
+    EXPECT_EQ(report.find(kGround, one), nullptr);
+    EXPECT_TRUE(report.contact_events.empty());
+  }
+}
+
+TEST(SessionContacts, OfAPairThatIsWatchedTheOtherWayRoundNoneEnds) {
+  LocalHost host({.lookahead_s = 0.2, .contacts = true});
+  host.session->watch_all();
+  const BodyId one =
+      host.session->add_body({.name = "one", .model = "aircraft", .own = true}).value();
+  ASSERT_GT(host.settle({{one, above_ground(300, 1)}}), 0);
+  ASSERT_FALSE(host.update().contact_events.empty());
+  ASSERT_TRUE(host.session->watch(one, kGround).is_ok());
+  const FrameReport report = host.update();
+  ASSERT_NE(report.find(kGround, one), nullptr);
+  EXPECT_EQ(report.find(kGround, one)->a, one);
+  EXPECT_GT(count(report, ContactChange::kBegin), 0U);
+  EXPECT_EQ(count(report, ContactChange::kEnd), 0U);
+}
+
 TEST(SessionContacts, OfABodyThatIsUnknownTheyAreUnconfirmed) {
   LocalHost host({.max_pose_age_s = 2, .lookahead_s = 0.2, .contacts = true});
   host.session->watch_all();

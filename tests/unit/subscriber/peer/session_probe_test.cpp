@@ -197,6 +197,24 @@ TEST_F(HeardPoses, AreRefusedWholeWhereOneIsNoPoseOfAnothersBody) {
   EXPECT_FALSE(by_host.session->motion_of(kOne).has_value());
 }
 
+TEST_F(HeardPoses, OfABodyThatIsRemovedSayNothingOfTheNextOfItsName) {
+  const Session::HeardPose heard{kOne, 0, above_ground(700, 4)};
+  ASSERT_TRUE(by_host.session->hear(std::span(&heard, 1)).is_ok());
+  ASSERT_TRUE(by_host.session->remove_body(kOne).is_ok());
+  const BodyId next = by_host.session->add_body({.name = "other", .model = "aircraft"}).value();
+  ASSERT_TRUE(update(by_host, 0, 0).is_ok());
+  EXPECT_FALSE(by_host.session->motion_of(next).has_value());
+}
+
+TEST_F(HeardPoses, FromBeforeABodyWasPlacedDoNotMoveIt) {
+  const Session::HeardPose heard{kOne, 0, above_ground(700, 4)};
+  ASSERT_TRUE(by_host.session->hear(std::span(&heard, 1)).is_ok());
+  const Pose place = above_ground(300, 9).pose;
+  ASSERT_TRUE(by_host.session->place_body(kOne, place).is_ok());
+  ASSERT_TRUE(update(by_host, 0, 0).is_ok());
+  EXPECT_EQ(by_host.session->motion_of(kOne)->pose.translation_m, place.translation_m);
+}
+
 // ---- rotations of floats --------------------------------------------------------------------------
 
 TEST(FloatRotations, AreTakenAsTheRotationNextToThem) {

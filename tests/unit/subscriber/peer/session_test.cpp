@@ -32,6 +32,51 @@ std::string reason_of(const FrameReport& report, std::size_t pair) {
   return report.answers.at(pair).reason;
 }
 
+// ---- what a host gives ----------------------------------------------------------------------------
+
+TEST(Session, OptionsOutOfRangeAreRefusedByEachUpdateAndNamed) {
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  const std::pair<const char*, SessionOptions> wrong[] = {
+      {"margin_m", {.margin_m = -5}},
+      {"margin_m", {.margin_m = kNan}},
+      {"lookahead_s", {.lookahead_s = kNan}},
+      {"lookahead_s", {.lookahead_s = kInfinite}},
+      {"max_pose_age_s", {.max_pose_age_s = -1}},
+      {"sweep_s", {.sweep_s = -1}},
+      {"promise_s", {.promise_s = 0}},
+      {"request_timeout_s", {.request_timeout_s = 0}},
+      {"window_bytes", {.window_bytes = 100}},
+      {"audit_s", {.audit_s = kNan}},
+  };
+  World world;
+  for (const auto& [name, options] : wrong) {
+    EXPECT_EQ(check(options).code(), StatusCode::kInvalidArgument) << name;
+    Session session(world.bus.make_peer(kPeer), options);
+    for (std::uint64_t frame = 0; frame < 2; ++frame) {
+      const Result<FrameReport> report = session.update(frame, 0, {}, 1);
+      ASSERT_FALSE(report.is_ok()) << name;
+      EXPECT_EQ(report.status().message().rfind(name, 0), 0U) << report.status().message();
+    }
+  }
+  EXPECT_EQ(check(SessionOptions{}).message(), "");
+}
+
+TEST(Session, ABudgetThatIsNoneIsRefusedAndChangesNothing) {
+  World world;
+  world.start_publisher();
+  const auto session = world.make_peer();
+  const Flight flight = make_flight(5, 2);
+  for (const double budget_s : {kNan, -0.001, -std::numeric_limits<double>::infinity()}) {
+    const Result<FrameReport> report =
+        session->update(0, 0, {{kOne, flight.one[0]}, {kTwo, flight.two[0]}}, budget_s);
+    ASSERT_FALSE(report.is_ok());
+    EXPECT_EQ(report.status().code(), StatusCode::kInvalidArgument);
+    EXPECT_NE(report.status().message().find("budget_s"), std::string::npos);
+    EXPECT_FALSE(session->motion_of(kOne).has_value());
+  }
+  EXPECT_EQ(world.fly(*session, flight), flight.frames());
+}
+
 // ---- right answers under faults of the channel ----------------------------------------------------
 
 TEST(Session, CertifiesAWholeFlight) {

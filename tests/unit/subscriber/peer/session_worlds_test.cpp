@@ -784,6 +784,23 @@ TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {
   std::filesystem::remove_all(folder);
 }
 
+// Names from outside are for models that publishers serve.
+TEST(SessionWorlds, NoBodyHasTheModelOfATile) {
+  const CutTerrain terrain;
+  CutHost host(terrain);
+  Random random(41);
+  const CutScene scene = random_scene(terrain, random, 0);
+  const PairAnswer answer = host.settle(scene.world, scene.ball);
+  ASSERT_TRUE(answer.world && !answer.world->tiles.empty());
+  for (const auto& tile : answer.world->tiles) {
+    const std::string name = "valley tile " + to_hex(tile.tile.content);
+    const Result<BodyId> posing = host.session->add_body({.name = name, .model = name});
+    ASSERT_TRUE(posing.is_ok()) << posing.status().message();
+    host.update(scene.ball);
+    EXPECT_EQ(host.session->held_mesh(posing.value()).status().code(), StatusCode::kNotFound);
+  }
+}
+
 TEST(SessionWorlds, TwoRunsGiveTheSameDigests) {
   const CutTerrain terrain;
   std::vector<std::uint64_t> digests[2];

@@ -32,8 +32,12 @@ class WorldEpochs : public ::testing::Test {
   }
   void serve(wire::SessionId id, const CutTerrain& terrain, const ContentHash& replaces,
              const wire::Epoch& epoch) {
+    serve(id, terrain.folder, replaces, epoch);
+  }
+  void serve(wire::SessionId id, const std::string& folder, const ContentHash& replaces,
+             const wire::Epoch& epoch) {
     Server& server = make_server(id);
-    EXPECT_EQ(server.service->add_world("valley", terrain.folder, replaces, epoch).message(), "");
+    EXPECT_EQ(server.service->add_world("valley", folder, replaces, epoch).message(), "");
     server.service->announce();
   }
   void serve_crater() {
@@ -60,15 +64,18 @@ class WorldEpochs : public ::testing::Test {
     motion.pose.translation_m[2] += 0.3;
     return motion;
   }
+  PairAnswer update(Peer& peer, std::uint64_t frame, const Motion& ball) {
+    bus_.tick();
+    for (auto& [id, server] : servers_) static_cast<void>(server.service->step(seconds_ += 0.01));
+    const auto report =
+        peer.session->update(frame, static_cast<double>(frame) * kStep_s, {{peer.ball, ball}}, 10);
+    EXPECT_TRUE(report.is_ok()) << report.status().message();
+    return report.value().answers.at(0);
+  }
   /// `rounds`: updates in the same frame, of which the first one's answer counts.
   void frame(Peer& peer, std::uint64_t frame, int rounds) {
     for (int round = 0; round < rounds; ++round) {
-      bus_.tick();
-      for (auto& [id, server] : servers_) static_cast<void>(server.service->step(seconds_ += 0.01));
-      const auto report = peer.session->update(frame, static_cast<double>(frame) * kStep_s,
-                                               {{peer.ball, over_the_crater()}}, 10);
-      ASSERT_TRUE(report.is_ok()) << report.status().message();
-      const PairAnswer& answer = report.value().answers.at(0);
+      const PairAnswer answer = update(peer, frame, over_the_crater());
       const ContentHash world = answer.a == peer.ball ? answer.content_b : answer.content_a;
       if (answer.world) {
         EXPECT_EQ(answer.world->world, world);
@@ -133,6 +140,32 @@ TEST_F(WorldEpochs, AllPeersChangeInTheFrameOfTheTimeAndHaveFetchedAhead) {
     EXPECT_TRUE(is_certified(one.status[at])) << at;
     EXPECT_EQ(one.touching[at], touching(*after_)) << at;
   }
+}
+
+// Pages and tiles are here from before: nothing but the record tells that all of them stand higher.
+TEST_F(WorldEpochs, TilesThatStandElsewhereAreAskedAnew) {
+  constexpr double kHigher_m = 4;
+  const std::string folder = before_.folder + "_raised";
+  std::filesystem::copy(before_.folder, folder, std::filesystem::copy_options::recursive);
+  WorldPages raised = before_.pages;
+  raised.world.lattice.origin_m[2] += kHigher_m;
+  ASSERT_TRUE(write_world(raised, folder).is_ok());
+  Peer one = join(0xb1);
+  Motion above = over_the_crater();
+  above.pose.translation_m[2] += kHigher_m;
+  PairAnswer answer;
+  for (std::uint64_t at = 0; at < kSwitch; ++at) {
+    if (at == 10)
+      serve(0xa2, folder, before_.pages.name, {1, static_cast<double>(kSwitch) * kStep_s});
+    for (int i = 0; i < 4; ++i) answer = update(one, at, above);
+  }
+  EXPECT_EQ(answer.answer.status, AnswerStatus::kFree);
+  for (std::uint64_t at = kSwitch; at < kFrames; ++at) {
+    answer = update(one, at, above);
+    EXPECT_NE(answer.answer.status, AnswerStatus::kFree) << "frame " << at;
+  }
+  EXPECT_EQ(answer.answer.status, AnswerStatus::kContact);
+  std::filesystem::remove_all(folder);
 }
 
 // Before the time pages are asked for, so that the first frame after knows which tiles are near.

@@ -100,6 +100,9 @@ struct SessionOptions {
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
+/// Whether all numbers are in their ranges: certified answers rest on some of them. Of a session with others every update() fails.
+/// Errors: kInvalidArgument naming the option, what it is and what is expected.
+[[nodiscard]] Status check(const SessionOptions& options);
 
 /// The latest certified answer about a pair, and what it still says. Its pairs are not kept.
 struct LastCertified {
@@ -316,7 +319,8 @@ class Session {
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
   /// is removed, and another. So are motions of some links of a robot, without the others'.
-  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time; nothing was changed then.
+  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time, a budget below 0, and the options that
+  /// check() refuses; nothing was changed then.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
