@@ -109,13 +109,13 @@ bool ends_as_gltf(std::string_view path) {
 }
 
 /// The JSON of a binary file, in both versions of its header: magic, version, size; size of the JSON, its type; the JSON.
-std::string_view json_of_binary(std::string_view bytes) {
+std::string json_of_binary(std::string_view bytes) {
   constexpr std::size_t kSizeAt = 12, kJsonAt = 20;
   if (bytes.size() < kJsonAt) return {};
   std::uint32_t size = 0;
   for (std::size_t k = 4; k-- > 0;)
     size = size << 8 | static_cast<unsigned char>(bytes[kSizeAt + k]);
-  return bytes.substr(kJsonAt, size);
+  return std::string(bytes.substr(kJsonAt, size));
 }
 
 }  // namespace
@@ -134,15 +134,12 @@ Status check_gltf_demands(const std::string& path) {
   in.clear();
   in.seekg(0);
   bytes.assign(std::istreambuf_iterator<char>(in), {});
+  if (is_binary) bytes = json_of_binary(bytes);
   // Names of nodes may be in any encoding, which is nothing to refuse a mesh for; what is looked for here is ASCII.
   std::ranges::replace_if(
       bytes, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
   std::string_view text = bytes;
-  if (is_binary) {
-    text = json_of_binary(text);
-  } else if (text.starts_with("???")) {  // what was a byte order mark
-    text.remove_prefix(3);
-  }
+  if (text.starts_with("???")) text.remove_prefix(3);  // what was a byte order mark
   DemandReader reader;
   // Not strict: padding behind the JSON is assimp's to judge.
   json::sax_parse(text.begin(), text.end(), &reader, json::input_format_t::json, false);
