@@ -16,13 +16,13 @@
 #include <cmath>
 #include <limits>
 
+#include "core/geometry/exact.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 
 namespace nearmesh {
 namespace {
 
 using Kind = TreeEntry::Kind;
-__extension__ typedef __int128 Int128;
 
 template <class Int>
 int sign(Int x) {

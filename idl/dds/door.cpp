@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <memory>
+#include <mutex>
 #include <new>
 #include <utility>
+#include <vector>
 
 #include "door_watch.hpp"
 #include "fastdds_api.hpp"
@@ -96,9 +99,12 @@ class Door final : public ChainedTransport, private LeaseEnd {
       prolong_lease(*verdict.announcement, verdict.changes);
     }
     // A copy where it is not handed on as it came: in shared memory others read the same bytes.
-    thread_local RtpsCopy copy;
+    std::unique_ptr<RtpsCopy> copy;
     std::span<const std::uint8_t> passed = message.first(verdict.size);
-    if (RtpsCopy::is_needed(verdict)) passed = copy.of(passed, verdict);
+    if (RtpsCopy::is_needed(verdict)) {
+      copy = take_copy();
+      passed = copy->of(passed, verdict);
+    }
     // Taken before any lock of Fast DDS, always.
     std::unique_lock<std::mutex> introduction;
     if (verdict.introduces) introduction = std::unique_lock(watch_->introductions());
@@ -108,6 +114,24 @@ class Door final : public ChainedTransport, private LeaseEnd {
       // Say of memory that a malformed message asked for: the message is lost, the process goes on.
       watch_->count(DoorRefusal::kParameters);
     }
+    if (copy) give_back(std::move(copy));
+  }
+
+  /// Several threads receive: as many copies are made as are in use at once, and kept.
+  std::unique_ptr<RtpsCopy> take_copy() {
+    {
+      const std::lock_guard lock(copies_mutex_);
+      if (!copies_.empty()) {
+        std::unique_ptr<RtpsCopy> copy = std::move(copies_.back());
+        copies_.pop_back();
+        return copy;
+      }
+    }
+    return std::make_unique<RtpsCopy>();
+  }
+  void give_back(std::unique_ptr<RtpsCopy> copy) {
+    const std::lock_guard lock(copies_mutex_);
+    copies_.push_back(std::move(copy));
   }
 
   void remember_way_in(rtps::TransportReceiverInterface& next, const Locator_t& local,
@@ -170,6 +194,8 @@ class Door final : public ChainedTransport, private LeaseEnd {
       [this](std::span<const std::uint8_t> message, OutgoingFilter::Places& places) {
         watch_->leave_out_repeats(message, places, place_of);
       }};
+  std::mutex copies_mutex_;
+  std::vector<std::unique_ptr<RtpsCopy>> copies_;  ///< that nobody uses now
   std::mutex mutex_;
   bool closed_ = false;
   std::atomic<bool> is_added_ = false;
