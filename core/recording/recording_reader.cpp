@@ -146,7 +146,7 @@ Result<Candidate> look_at(const std::string& path) {
 /// Numbers of the files that have a name as further parts of `first` have, ascending.
 Result<std::vector<std::uint32_t>> further_numbers(const std::string& first) {
   const std::filesystem::path path(first);
-  const std::string begin = path.stem().string() + "_", end = path.extension().string();
+  const std::string begin = path.stem().string() + "_";
   const std::filesystem::path folder =
       path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
   std::vector<std::uint32_t> numbers;
@@ -158,7 +158,8 @@ Result<std::vector<std::uint32_t>> further_numbers(const std::string& first) {
     std::uint32_t number = 0;
     std::from_chars(name.data() + begin.size(), name.data() + name.size(), number);
     // A number is written in one way: "x_01.db3" is no part.
-    if (number > 0 && name == begin + std::to_string(number) + end) numbers.push_back(number);
+    if (number > 0 && name == std::filesystem::path(part_path(first, number)).filename())
+      numbers.push_back(number);
   }
   if (error)
     return Status{StatusCode::kIo, folder.string() + ": cannot look for further parts of " + first +
@@ -342,7 +343,7 @@ struct RecordingReader::Impl {
   [[nodiscard]] Status check_end(const std::string& first, std::uint32_t part,
                                  const Candidate& found,
                                  const std::vector<std::uint32_t>& numbers) const {
-    const std::string missing =
+    std::string missing =
         part_path(first, part) + ": part " + std::to_string(part) +
         " of the recording is missing: found " +
         (found.instead != nullptr
@@ -356,8 +357,8 @@ struct RecordingReader::Impl {
       const Result<Candidate> later = look_at(path);
       // Nothing says that one that cannot be read is of this recording.
       if (!later.is_ok() || !is_ours(later.value(), part)) continue;
-      return {StatusCode::kCorrupt, missing + ", and " + path + " is part " +
-                                        std::to_string(later.value().facts.part) + " of it"};
+      missing.append(", and ").append(path).append(" is part ");
+      return {StatusCode::kCorrupt, missing + std::to_string(later.value().facts.part) + " of it"};
     }
     return Status::ok();
   }
