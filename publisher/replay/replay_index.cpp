@@ -252,7 +252,7 @@ std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {
 std::vector<std::int64_t> ReplayIndex::not_yet(std::int64_t end, std::int64_t later) const {
   std::vector<std::int64_t> found;
   for (const auto& [key, ids] : latches_)
-    if (!ids.empty() && ids.front() >= end && ids.front() < later) found.push_back(ids.front());
+    if (ids.front() >= end && ids.front() < later) found.push_back(ids.front());
   return found;
 }
 
