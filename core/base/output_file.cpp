@@ -113,6 +113,17 @@ Result<OutputFile> OutputFile::create(const std::string& path, const FileKind& k
   return out;
 }
 
+Result<OutputFile> OutputFile::whole(const std::string& path, const FileKind& kind,
+                                     std::string_view bytes,
+                                     const std::vector<std::string>& inputs) {
+  Result<OutputFile> file = create(path, kind, inputs);
+  NEARMESH_RETURN_IF_ERROR(file);
+  NEARMESH_RETURN_IF_ERROR(file.value().write(bytes));
+  // What waits for others holds no descriptor: of these a process has few.
+  NEARMESH_RETURN_IF_ERROR(file.value().end_writing());
+  return file;
+}
+
 OutputFile::OutputFile(OutputFile&& other) noexcept
     : path_(std::move(other.path_)),
       place_(std::move(other.place_)),
@@ -142,10 +153,15 @@ Status OutputFile::put_in_place() {
 }
 
 Status OutputFile::close() {
+  if (file_ != nullptr) NEARMESH_RETURN_IF_ERROR(end_writing());
+  return rename();
+}
+
+Status OutputFile::end_writing() {
   NEARMESH_RETURN_IF_ERROR(flush());
   // Full disks are often told of only here.
   if (std::fclose(std::exchange(file_, nullptr)) != 0) return failed("write");
-  return rename();
+  return Status::ok();
 }
 
 Status OutputFile::rename() {
@@ -157,9 +173,8 @@ Status OutputFile::rename() {
 
 Status write_file(const std::string& path, const FileKind& kind, std::string_view bytes,
                   const std::vector<std::string>& inputs) {
-  Result<OutputFile> file = OutputFile::create(path, kind, inputs);
+  Result<OutputFile> file = OutputFile::whole(path, kind, bytes, inputs);
   NEARMESH_RETURN_IF_ERROR(file);
-  NEARMESH_RETURN_IF_ERROR(file.value().write(bytes));
   return file.value().close();
 }
 

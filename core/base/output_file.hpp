@@ -35,6 +35,11 @@ class OutputFile {
   /// Errors: also those of check_output().
   [[nodiscard]] static Result<OutputFile> create(const std::string& path, const FileKind& kind,
                                                  const std::vector<std::string>& inputs = {});
+  /// A whole file, of which only close() is left, which puts it in place: several appear together where none is closed before
+  /// all could be written. Errors: also those of check_output().
+  [[nodiscard]] static Result<OutputFile> whole(const std::string& path, const FileKind& kind,
+                                                std::string_view bytes,
+                                                const std::vector<std::string>& inputs = {});
   OutputFile(OutputFile&& other) noexcept;
   OutputFile& operator=(OutputFile&&) = delete;
   ~OutputFile();
@@ -49,13 +54,14 @@ class OutputFile {
  private:
   OutputFile() = default;
   [[nodiscard]] Status failed(const char* action) const;
+  [[nodiscard]] Status end_writing();
   [[nodiscard]] Status rename();
 
   std::string path_, place_, beside_;  ///< as the user has it; without links; empty: in its place
-  std::FILE* file_ = nullptr;
+  std::FILE* file_ = nullptr;          ///< none: all is written
 };
 
-/// A whole file.
+/// A whole file, in its place.
 [[nodiscard]] Status write_file(const std::string& path, const FileKind& kind,
                                 std::string_view bytes,
                                 const std::vector<std::string>& inputs = {});

@@ -12,6 +12,8 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <utility>
+#include <vector>
 
 namespace nearmesh {
 namespace {
@@ -126,6 +128,36 @@ TEST_F(OutputFiles, LeaveWhatWasThereWhenGivenUp) {
   }
   EXPECT_EQ(read(old), "POEM old");
   EXPECT_EQ(files(), 1);
+}
+
+TEST_F(OutputFiles, AppearTogetherOnceAllCouldBeWritten) {
+  const std::string old = put("a", "POEM old");
+  {
+    const Result<OutputFile> written = OutputFile::whole(old, kPoem, "POEM new");
+    ASSERT_TRUE(written.is_ok());
+    const FullDisk full;
+    expect_refused(OutputFile::whole(path("b"), kPoem, "POEM new").status(), StatusCode::kIo,
+                   path("b"));
+  }
+  EXPECT_EQ(read(old), "POEM old");
+  EXPECT_EQ(files(), 1);
+
+  const auto descriptors = [] {
+    return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator{});
+  };
+  const std::ptrdiff_t before = descriptors();
+  std::vector<OutputFile> together;
+  for (const char* name : {"a", "b"}) {
+    Result<OutputFile> written = OutputFile::whole(path(name), kPoem, "POEM new");
+    ASSERT_TRUE(written.is_ok());
+    together.push_back(std::move(written).value());
+  }
+  EXPECT_EQ(descriptors(), before);
+  EXPECT_EQ(read(old), "POEM old");
+  EXPECT_FALSE(fs::exists(path("b")));
+  for (OutputFile& file : together) EXPECT_TRUE(file.close().is_ok());
+  for (const char* name : {"a", "b"}) EXPECT_EQ(read(path(name)), "POEM new");
+  EXPECT_EQ(files(), 2);
 }
 
 TEST_F(OutputFiles, CanBeReadWhileTheyGrow) {
