@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "nearmesh/core/spm/write_model_file.hpp"
+#include "encode_model_file.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
-#include <memory>
+#include <utility>
 
 #include "blocks.hpp"
 #include "core/base/digest.hpp"
@@ -24,14 +24,13 @@ std::span<const std::uint8_t> bytes_of(const T* data, std::size_t count) {
   return {reinterpret_cast<const std::uint8_t*>(data), count * sizeof(T)};
 }
 
-void pad_to(std::vector<std::uint8_t>& out, std::size_t alignment) {
+void pad_to(std::string& out, std::size_t alignment) {
   out.resize((out.size() + alignment - 1) / alignment * alignment);
 }
 
 template <class T>
-void append(std::vector<std::uint8_t>& out, const T* data, std::size_t count) {
-  const auto bytes = bytes_of(data, count);
-  out.insert(out.end(), bytes.begin(), bytes.end());
+void append(std::string& out, const T* data, std::size_t count) {
+  out.append(reinterpret_cast<const char*>(data), count * sizeof(T));
 }
 
 OriginEntry encode_origin(const MeshOrigin& origin) {
@@ -76,9 +75,9 @@ ContentHash root_of(std::span<const Group> groups, const ContentHash& last) {
 
 }  // namespace
 
-Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
-                                      std::span<const FaceNumber> numbers, const std::string& path,
-                                      unsigned threads, const MeshOrigin& origin) {
+EncodedModel encode_model_file(const SpmHeader& header, const SplitStore& store,
+                               std::span<const FaceNumber> numbers, unsigned threads,
+                               const MeshOrigin& origin) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
   // Blocks are encoded in groups, each alone, and stand in the order of their roots.
@@ -103,7 +102,7 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   preamble.header_bytes = header_bytes.size();
   preamble.content_hash = digest_of(header_bytes);
 
-  std::vector<std::uint8_t> out(sizeof(Preamble));
+  std::string out(sizeof(Preamble), '\0');
   append(out, header_bytes.data(), header_bytes.size());
   std::vector<DirectoryEntry> directory;
   directory.reserve(roots.size());
@@ -131,13 +130,12 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   preamble.file_bytes = out.size();
   preamble.checksum = hash_bytes(bytes_of(&preamble, 1).first(sizeof(Preamble) - 8));
   std::memcpy(out.data(), &preamble, sizeof preamble);
-  NEARMESH_RETURN_IF_ERROR(write_file(path, file_layout::kModelFile,
-                                      {reinterpret_cast<const char*>(out.data()), out.size()}));
-  return WrittenModel{.file_bytes = out.size(),
-                      .header_bytes = header_bytes.size(),
-                      .block_bytes = block_bytes,
-                      .blocks = directory.size(),
-                      .content_hash = preamble.content_hash};
+  const WrittenModel written{.file_bytes = out.size(),
+                             .header_bytes = header_bytes.size(),
+                             .block_bytes = block_bytes,
+                             .blocks = directory.size(),
+                             .content_hash = preamble.content_hash};
+  return {std::move(out), written};
 }
 
 }  // namespace nearmesh
