@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <deque>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -14,12 +13,12 @@
 #include "core/base/stopwatch.hpp"
 #include "core/spm/check_boxes.hpp"
 #include "core/spm/check_surface.hpp"
+#include "core/spm/encode_model_file.hpp"
 #include "core/spm/file_layout.hpp"
 #include "import_options.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
-#include "nearmesh/core/spm/write_model_file.hpp"
 #include "terrain.hpp"
 
 namespace nearmesh::program {
@@ -143,10 +142,15 @@ void print_text(const Outcome& o) {
               o.simplify_seconds, static_cast<double>(peak_memory_bytes()) / 1e6);
 }
 
+struct Built {
+  Outcome outcome;
+  OutputFile file;  // written, and not yet in its place
+};
+
 /// `mesh` is let go of as soon as it is cleaned: the bake needs the memory.
-Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_up,
-                      const std::optional<ImportedTerrain>& terrain, const std::string& out,
-                      const BuildOptions& options, Progress& progress) {
+Result<Built> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_up,
+                    const std::optional<ImportedTerrain>& terrain, const std::string& out,
+                    const BuildOptions& options, Progress& progress) {
   Stopwatch watch;
   Outcome outcome{.in = options.in, .out = out, .terrain = terrain};
   progress.stage("cleaning");
@@ -176,9 +180,11 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   const BakedModel& model = baked.value();
   NEARMESH_RETURN_IF_ERROR(check_boxes(model.store));
   NEARMESH_RETURN_IF_ERROR(check_surface(model.store));
-  const auto written =
-      write_model_file(model.header, model.store, model.numbers, out, options.threads, origin);
-  NEARMESH_RETURN_IF_ERROR(written);
+  const EncodedModel encoded =
+      encode_model_file(model.header, model.store, model.numbers, options.threads, origin);
+  Result<OutputFile> file =
+      OutputFile::whole(out, file_layout::kModelFile, encoded.bytes, {options.in});
+  NEARMESH_RETURN_IF_ERROR(file);
   progress.end();
 
   outcome.seconds = watch.seconds();
@@ -189,8 +195,8 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   outcome.clustered = model.log.clustered;
   outcome.cell_m = std::ldexp(1.0, model.header.grid.exponent);
   outcome.grid_bits = model.header.grid.bits;
-  outcome.written = written.value();
-  return outcome;
+  outcome.written = encoded.written;
+  return Built{std::move(outcome), std::move(file).value()};
 }
 
 void report(const Outcome& outcome, const BuildOptions& options) {
@@ -219,50 +225,28 @@ void warn_of_reader(const std::string& path, bool is_as_written) {
                path.c_str());
 }
 
-/// The files of a folder, which are put in place together: until then each stands beside its place, and what is not put in place is removed.
-class FilesTogether {
+/// Folders that are made to be written into. Those that nothing was put into go again.
+class NewFolders {
  public:
-  FilesTogether() = default;
-  FilesTogether(const FilesTogether&) = delete;
-  FilesTogether& operator=(const FilesTogether&) = delete;
-  ~FilesTogether() {
-    std::error_code ignored;
-    for (const File& file : files_) fs::remove(file.beside, ignored);
-    if (!made_.empty()) fs::remove(made_, ignored);  // which takes no folder that holds anything
+  NewFolders() = default;
+  NewFolders(const NewFolders&) = delete;
+  NewFolders& operator=(const NewFolders&) = delete;
+  ~NewFolders() {
+    for (const fs::path& folder : made_) ::rmdir(folder.c_str());  // takes none that holds anything
   }
-
-  /// Before all else. Errors: kIo, naming the folder.
-  Status make_folder(const std::string& folder) {
+  /// And those above it. Errors: kIo, naming the folder.
+  Status make(const std::string& folder) {
     std::error_code error;
-    if (fs::create_directories(folder, error)) made_ = folder;
+    for (fs::path at = folder; !at.empty() && !fs::exists(fs::symlink_status(at, error));
+         at = at.parent_path())
+      made_.push_back(at);
+    fs::create_directories(folder, error);
     if (error) return {StatusCode::kIo, folder + ": cannot create: " + error.message()};
-    return Status::ok();
-  }
-  /// Where to write the file of a place.
-  const std::string& beside(const std::string& path) {
-    files_.push_back({path + "." + std::to_string(::getpid()) + ".beside", path});
-    return files_.back().beside;
-  }
-  /// As one file is replaced (OutputFile): a link is followed, and rights stay. Errors: kIo, naming the place; those before it are new then.
-  Status put_in_place() {
-    for (; !files_.empty(); files_.pop_front()) {
-      const auto& [beside, path] = files_.front();
-      std::error_code error;
-      const fs::path place = fs::exists(path, error) ? fs::canonical(path, error) : fs::path(path);
-      if (const fs::file_status old = fs::status(place, error); fs::exists(old))
-        fs::permissions(beside, old.permissions(), error);
-      fs::rename(beside, place, error);
-      if (error) return {StatusCode::kIo, path + ": cannot rename into place: " + error.message()};
-    }
     return Status::ok();
   }
 
  private:
-  struct File {
-    std::string beside, path;
-  };
-  std::deque<File> files_;
-  std::string made_;  // the folder, where it was not there
+  std::vector<fs::path> made_;  // each before those above it
 };
 
 /// YAML and JSON write a double alike.
@@ -270,42 +254,49 @@ std::string list(std::span<const double> numbers) {
   return nlohmann::json(std::vector<double>(numbers.begin(), numbers.end())).dump();
 }
 
-Status build_nodes(const BuildOptions& options, const ImportOptions& import_options,
-                   Progress& progress) {
-  const Result<ImportedNodes> imported = import_nodes(options.in, import_options);
-  NEARMESH_RETURN_IF_ERROR(imported);
-  // Nothing is replaced where one is refused: a scene places models of one file, not of two.
-  FilesTogether files;
-  NEARMESH_RETURN_IF_ERROR(files.make_folder(options.out));
-  const auto path_of = [&](const std::string& name) {
-    return (fs::path(options.out) / name).string();
-  };
-  const std::string scene_path = path_of("scene.yaml");
-  NEARMESH_RETURN_IF_ERROR(check_output(scene_path, kSceneFile, {options.in}));
-  for (const ImportedNode& node : imported.value().nodes)
-    NEARMESH_RETURN_IF_ERROR(
-        check_output(path_of(node.name + ".spm"), file_layout::kModelFile, {options.in}));
+std::string scene_of(std::span<const ImportedNode> nodes) {
   std::string scene = std::string(kSceneFile.begins) + "\nbodies:\n";
-  std::vector<Outcome> outcomes;
-  for (const ImportedNode& node : imported.value().nodes) {
-    const std::string path = path_of(node.name + ".spm");
-    Result<Outcome> outcome =
-        build(node.mesh, imported.value().origin, imported.value().stated_up,
-              imported.value().terrain, files.beside(path), options, progress);
-    if (!outcome.is_ok())
-      return {outcome.status().code(), "node " + node.name + ": " + outcome.status().message()};
-    outcome.value().out = path;
-    outcomes.push_back(std::move(outcome).value());
+  for (const ImportedNode& node : nodes) {
     const std::string name = nlohmann::json(node.name).dump();
     scene.append("  - {name: ").append(name).append(", model: ").append(name);
     scene.append(", pose: {rotation: ").append(list(node.rotation));
     scene.append(", translation: ").append(list(node.translation_m)).append("}}\n");
   }
-  NEARMESH_RETURN_IF_ERROR(write_file(files.beside(scene_path), kSceneFile, scene));
-  NEARMESH_RETURN_IF_ERROR(files.put_in_place());
-  for (const Outcome& outcome : outcomes) report(outcome, options);
-  if (!options.json)
-    std::printf("%s: places %zu models\n", scene_path.c_str(), imported.value().nodes.size());
+  return scene;
+}
+
+Status build_nodes(const BuildOptions& options, const ImportOptions& import_options,
+                   Progress& progress) {
+  const Result<ImportedNodes> imported = import_nodes(options.in, import_options);
+  NEARMESH_RETURN_IF_ERROR(imported);
+  const std::vector<ImportedNode>& nodes = imported.value().nodes;
+  NewFolders folders;  // before the files: when these go, what came to nothing is no longer in them
+  NEARMESH_RETURN_IF_ERROR(folders.make(options.out));
+  const auto path_of = [&](const std::string& name) {
+    return (fs::path(options.out) / name).string();
+  };
+  const std::string scene_path = path_of("scene.yaml");
+  NEARMESH_RETURN_IF_ERROR(check_output(scene_path, kSceneFile, {options.in}));
+  for (const ImportedNode& node : nodes)
+    NEARMESH_RETURN_IF_ERROR(
+        check_output(path_of(node.name + ".spm"), file_layout::kModelFile, {options.in}));
+  // None is put in place before all could be written: a scene places models of one file, not of two.
+  std::vector<Built> models;
+  for (const ImportedNode& node : nodes) {
+    Result<Built> built =
+        build(node.mesh, imported.value().origin, imported.value().stated_up,
+              imported.value().terrain, path_of(node.name + ".spm"), options, progress);
+    if (!built.is_ok())
+      return {built.status().code(), "node " + node.name + ": " + built.status().message()};
+    models.push_back(std::move(built).value());
+  }
+  Result<OutputFile> scene =
+      OutputFile::whole(scene_path, kSceneFile, scene_of(nodes), {options.in});
+  NEARMESH_RETURN_IF_ERROR(scene);
+  for (Built& model : models) NEARMESH_RETURN_IF_ERROR(model.file.close());
+  NEARMESH_RETURN_IF_ERROR(scene.value().close());
+  for (const Built& model : models) report(model.outcome, options);
+  if (!options.json) std::printf("%s: places %zu models\n", scene_path.c_str(), nodes.size());
   warn_of_reader(options.in, imported.value().is_as_written);
   return Status::ok();
 }
@@ -345,12 +336,13 @@ Status run(const BuildOptions& options) {
   if (options.per_node) return build_nodes(options, asked.value(), progress);
   Result<ImportedMesh> imported = import_mesh(options.in, asked.value());
   NEARMESH_RETURN_IF_ERROR(imported);
-  Result<Outcome> outcome =
+  Result<Built> built =
       build(std::move(imported.value().mesh), imported.value().origin, imported.value().stated_up,
             imported.value().terrain, options.out, options, progress);
-  NEARMESH_RETURN_IF_ERROR(outcome);
-  outcome.value().seconds = watch.seconds();
-  report(outcome.value(), options);
+  NEARMESH_RETURN_IF_ERROR(built);
+  NEARMESH_RETURN_IF_ERROR(built.value().file.close());
+  built.value().outcome.seconds = watch.seconds();
+  report(built.value().outcome, options);
   warn_of_reader(options.in, imported.value().is_as_written);
   return Status::ok();
 }

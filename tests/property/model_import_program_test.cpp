@@ -6,7 +6,9 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
+#include "folder.hpp"
 #include "mesh_file_bytes.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "test_models.hpp"
@@ -180,13 +182,15 @@ TEST_F(ModelImportProgram, BuildsAModelForEachNodeAndASceneThatPlacesThem) {
   fs::remove_all(folder.path());
 }
 
+/// Two nodes, of which the second is a hundred times as large.
+std::string small_and_large(const std::string& unit) {
+  return test::collada(
+      "<unit meter=\"" + unit + "\"/>",
+      test::collada_node("", "small") + test::collada_node("<scale>100 100 100</scale>", "large"));
+}
+
 TEST_F(ModelImportProgram, ChangesNothingInTheFolderWhereANodeIsRefused) {
   const TempFile mesh(".dae"), folder("");
-  const auto write_nodes = [&](const std::string& unit) {
-    write(mesh, test::collada("<unit meter=\"" + unit + "\"/>",
-                              test::collada_node("", "small") +
-                                  test::collada_node("<scale>100 100 100</scale>", "large")));
-  };
   const auto bytes_of_all = [&] {
     std::map<std::string, std::string> all;
     for (const auto& file : fs::directory_iterator(folder.path())) {
@@ -197,9 +201,9 @@ TEST_F(ModelImportProgram, ChangesNothingInTheFolderWhereANodeIsRefused) {
   };
   // The small node takes 160 cells an axis, the large one 16,000 of 4,096.
   const std::string command = "build --per-node --json " + mesh.path() + " -o " + folder.path();
-  const std::string refused = command + " --cell 0.0625 --grid-bits 12";
-  write_nodes("1");
-  const Ended at_first = run(refused);
+  const std::string too_fine = " --cell 0.0625 --grid-bits 12";
+  write(mesh, small_and_large("1"));
+  const Ended at_first = run(command + "/new/folders" + too_fine);
   EXPECT_EQ(at_first.code, 256);
   EXPECT_NE(at_first.err.find("node large: "), std::string::npos) << at_first.err;
   EXPECT_EQ(at_first.out, "");
@@ -208,8 +212,8 @@ TEST_F(ModelImportProgram, ChangesNothingInTheFolderWhereANodeIsRefused) {
   ASSERT_EQ(run(command).code, 0);
   const auto before = bytes_of_all();
   EXPECT_EQ(before.size(), 3U);
-  write_nodes("1.5");
-  EXPECT_EQ(run(refused).code, 256);
+  write(mesh, small_and_large("1.5"));
+  EXPECT_EQ(run(command + too_fine).code, 256);
   EXPECT_EQ(bytes_of_all(), before);
   // What is not refused replaces it all.
   fs::permissions(folder.path() + "/small.spm", fs::perms::owner_read | fs::perms::owner_write);
@@ -220,6 +224,38 @@ TEST_F(ModelImportProgram, ChangesNothingInTheFolderWhereANodeIsRefused) {
   EXPECT_EQ(fs::status(folder.path() + "/small.spm").permissions(),
             fs::perms::owner_read | fs::perms::owner_write);
   fs::remove_all(folder.path());
+}
+
+TEST_F(ModelImportProgram, WritesNodesWhereLinksLeadIfAllCanBeWritten) {
+  const TempFile mesh(".dae");
+  const test::Folder folder;
+  const std::string nodes = folder.file("nodes");
+  const std::string command = "build --per-node " + mesh.path() + " -o " + nodes;
+  using Names = std::set<std::string>;
+  const auto names_in = [](const std::string& path) {
+    Names names;
+    for (const auto& file : fs::directory_iterator(path)) names.insert(file.path().filename());
+    return names;
+  };
+  write(mesh, small_and_large("1"));
+  fs::create_directory(nodes);
+  fs::create_symlink("../later", nodes + "/small.spm");
+  // A file may have a name of this length, but none with a further ending: the first model can be written, the second cannot.
+  fs::create_symlink("../" + std::string(250, 'x'), nodes + "/large.spm");
+  const Ended refused = run(command);
+  EXPECT_EQ(refused.code, 256);
+  EXPECT_NE(refused.err.find("node large: " + nodes + "/large.spm: cannot create"),
+            std::string::npos)
+      << refused.err;
+  EXPECT_EQ(names_in(nodes), (Names{"large.spm", "small.spm"}));
+  EXPECT_EQ(names_in(folder.path()), Names{"nodes"});
+
+  fs::remove(nodes + "/large.spm");
+  ASSERT_EQ(run(command).code, 0);
+  EXPECT_EQ(names_in(nodes), (Names{"large.spm", "scene.yaml", "small.spm"}));
+  EXPECT_EQ(names_in(folder.path()), (Names{"later", "nodes"}));
+  EXPECT_TRUE(fs::is_symlink(nodes + "/small.spm"));
+  expect_size(info(folder.file("later")), 4, 6, 10);
 }
 
 TEST_F(ModelImportProgram, ListsTheFormats) {
