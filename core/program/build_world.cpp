@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <unistd.h>
-
 #include <algorithm>
 #include <bit>
 #include <charconv>
@@ -15,11 +13,12 @@
 #include "core/base/stopwatch.hpp"
 #include "core/spm/check_boxes.hpp"
 #include "core/spm/check_surface.hpp"
+#include "core/spm/encode_model_file.hpp"
+#include "core/spm/file_layout.hpp"
 #include "core/world/world_folder.hpp"
 #include "import_options.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
-#include "nearmesh/core/spm/write_model_file.hpp"
 #include "world_plan.hpp"
 
 namespace nearmesh::program {
@@ -116,18 +115,13 @@ Result<TileNote> bake_tile(const GridMesh& mesh, double rounding_error_m, const 
   const BakedModel& model = baked.value();
   NEARMESH_RETURN_IF_ERROR(check_boxes(model.store));
   NEARMESH_RETURN_IF_ERROR(check_surface(model.store));
-  const std::string beside =
-      (fs::path(options.out) / "tiles" / (".baking-" + std::to_string(::getpid()) + ".spm"))
-          .string();
-  const auto written =
-      write_model_file(model.header, model.store, model.numbers, beside, options.threads, origin);
-  NEARMESH_RETURN_IF_ERROR(written);
-  const std::string path = WorldFolder::tile_path(options.out, written.value().content_hash);
-  std::error_code error;
-  fs::rename(beside, path, error);
-  if (error) return Status(StatusCode::kIo, path + ": cannot create: " + error.message());
-  TileNote note{.bytes = written.value().file_bytes, .seconds = watch.seconds()};
-  note.tile.content = written.value().content_hash;
+  const EncodedModel encoded =
+      encode_model_file(model.header, model.store, model.numbers, options.threads, origin);
+  const WrittenModel& written = encoded.written;
+  NEARMESH_RETURN_IF_ERROR(write_file(WorldFolder::tile_path(options.out, written.content_hash),
+                                      file_layout::kModelFile, encoded.bytes));
+  TileNote note{.bytes = written.file_bytes, .seconds = watch.seconds()};
+  note.tile.content = written.content_hash;
   note.tile.faces = model.header.face_count;
   return note;
 }
