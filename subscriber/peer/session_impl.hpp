@@ -133,6 +133,13 @@ struct Publisher {
   return wire::called(publisher.hello.publisher, publisher.hello.name);
 }
 
+/// Whether a promise is of the body that this mover has under this number. Bodies of one name may follow each other: of another mover, or
+/// of the same, which uses no number twice. Where one stays or is says nothing of the next.
+[[nodiscard]] inline bool is_promise_of(const wire::BodyPromise& promise, wire::SessionId mover,
+                                        std::uint32_t number) {
+  return promise.peer == mover && promise.number == number;
+}
+
 [[nodiscard]] Status no_such(BodyId body);
 
 /// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.

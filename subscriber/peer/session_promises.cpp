@@ -39,7 +39,7 @@ double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b
 void keep(wire::BodyPromise&& promise, double now_s,
           std::array<std::optional<wire::BodyPromise>, 2>& promises) {
   auto& [latest, before] = promises;
-  if (latest && (latest->peer != promise.peer || latest->number != promise.number)) promises = {};
+  if (latest && !is_promise_of(*latest, promise.peer, promise.number)) promises = {};
   if (!latest || promise.from_s >= latest->from_s) {
     before = std::exchange(latest, std::move(promise));
   } else if (!before || promise.from_s >= before->from_s || !before->radius_m(now_s)) {

@@ -129,8 +129,7 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
                          " s; this is said once");
   // Whoever has the name now may have promised nothing.
   const std::optional<wire::BodyPromise>& promise = body.promises[0];
-  if (promise && pose.sequence != 0 &&
-      (promise->peer != pose.peer || promise->number != pose.number)) {
+  if (promise && pose.sequence != 0 && !is_promise_of(*promise, pose.peer, pose.number)) {
     body.promises = {};
     body.promiser = wire::Mover::kNone;
   }
