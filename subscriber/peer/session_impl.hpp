@@ -44,6 +44,7 @@ struct Body {
   std::uint32_t number = 0;                  // on the bus, at its mover
   std::uint32_t links = 1, first_link = 0;   // own: as others are told
   std::optional<std::uint32_t> heard_robot;  // another's: the first link of the robot that it is of
+  wire::SessionId posed_by = 0;              // whose word its pose is; 0: nobody's on the bus
   wire::SessionId mover = 0;        // of the pose; 0: none, or no number on the bus says all of it
   std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
   bool solid = false;
@@ -361,6 +362,7 @@ struct Session::Impl {
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  static void forget_pose(Body& body);
   void take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints);
   void forget_heard(const Body& body);
   void forget_robot(Body& body);

@@ -150,6 +150,10 @@ void Session::Impl::take_promises(const Channel::Inbox& inbox,
                              "; its promises are ignored");
       continue;
     }
+    // Where the body before it was is not where this one is, however fresh that pose is.
+    if (!body.is_placed && body.posed_by != 0 &&
+        !is_promise_of(promise, body.posed_by, body.number))
+      forget_pose(body);
     body.promiser = wire::Mover::kThere;
     keep(wire::BodyPromise(promise), time_s, body.promises);
   }
