@@ -152,11 +152,22 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
   return accepted;
 }
 
+/// Whoever waited may have removed its body meanwhile: what it said of that would claim the name for a body that is not there, and the
+/// poses of one that is would be ignored.
 void DdsPoses::accept_contested(std::vector<wire::BodyPose>& accepted) {
-  for (auto& [body, contested] : std::exchange(contested_, {}))
-    accept(std::move(contested), accepted);
-  for (auto& [body, contested] : std::exchange(contested_promises_, {}))
-    accept(std::move(contested));
+  const auto is_told = [this](const wire::Handle& writer, wire::SessionId peer,
+                              wire::BodyDirectory::Body& body) {
+    const wire::BodyDirectory::Body* now = find(writer, peer, body.number).first;
+    if (now == nullptr || now->name != body.name) return false;
+    body = *now;
+    return true;
+  };
+  for (auto& [name, contested] : std::exchange(contested_, {}))
+    if (is_told(contested.writer, contested.pose.peer, contested.body))
+      accept(std::move(contested), accepted);
+  for (auto& [name, contested] : std::exchange(contested_promises_, {}))
+    if (is_told(contested.writer, contested.promise.peer, contested.body))
+      accept(std::move(contested));
 }
 
 /// Whose number no directory tells yet waits: the two topics are not in one order.

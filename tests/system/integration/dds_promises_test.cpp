@@ -29,6 +29,14 @@ wire::NearPoses near_of(wire::SessionId peer, std::uint64_t frame) {
   return poses;
 }
 
+/// "leg", another body of a peer's, where it is: alone in the next part.
+void say_leg(PeerChannel& channel) {
+  const wire::SessionId peer = channel.own_id();
+  channel.send(wire::BodyDirectory{
+      .peer = peer, .part = 1, .bodies = {{wire::kBodiesPerPart, "leg", "model of leg"}}});
+  channel.send(wire::BodyPoses{.peer = peer, .part = 1, .bodies = {{wire::kBodiesPerPart}}});
+}
+
 /// A reader's filter that lets everything pass: what does not come, its writer chose not to send.
 class OpenFilters : public fdds::IContentFilterFactory, public fdds::IContentFilter {
  public:
@@ -211,7 +219,7 @@ TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
     // Nor in the name of the mover's session.
     thief.channel->promise(promises_of(id, 8));
     // Both have one key: what waits unread is displaced by what comes later.
-    say(*thief.channel, pose_of(thief_id, "leg", 1));
+    say_leg(*thief.channel);
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
     mover.channel->promise(promises_of(id, 2));
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 2; }));
@@ -222,6 +230,33 @@ TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
   EXPECT_EQ(watcher.all.promises[2].from_s, 7);
   EXPECT_EQ(watcher.all.promises[2].peer, thief_id);
   EXPECT_EQ(watcher.all.movers.at("arm"), wire::Mover::kThere);
+}
+
+// Nobody moves it then, and who comes may.
+TEST(DdsChannel, WhoRemovesABodyThatAnotherMovesDoesNotGetItsNameLater) {
+  Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
+  const wire::SessionId second_id = second.channel->own_id();
+  {
+    Peer first(make_peer(own_prefix()));
+    first.channel->send(directory_of(first.channel->own_id()));
+    first.channel->promise(promises_of(first.channel->own_id(), 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 1; }));
+    second.channel->send(directory_of(second_id));
+    second.channel->promise(promises_of(second_id, 7));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    second.channel->send(wire::BodyDirectory{.peer = second_id});
+    say_leg(*second.channel);  // behind that
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+  }
+  ASSERT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") != wire::Mover::kThere; }));
+  Peer third(make_peer(own_prefix()));
+  say(*third.channel, pose_of(third.channel->own_id(), "arm", 3));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }))
+      << watcher.story();
+  EXPECT_EQ(watcher.all.poses[1].frame, 3U);
+  EXPECT_EQ(watcher.all.promises.size(), 1U);
+  EXPECT_EQ(watcher.all.complaints.size(), 1U);
 }
 
 TEST(DdsChannel, WhatIsToldOfADirectoryAndAPromiseFromTwoSessionsOfOneHostStaysApart) {
