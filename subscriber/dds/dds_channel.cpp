@@ -123,6 +123,7 @@ class DdsChannel::Impl {
   bool receive();
   bool receive_hellos();
   bool receive_poses();
+  void drop_ended();
   void deliver_movers();
   template <class Use>
   void note(SessionId peer, const Use& use) {
@@ -611,6 +612,7 @@ bool DdsChannel::Impl::receive_poses() {
                              });
   more |= more_promised;
   std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);
+  drop_ended();
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));
   more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
@@ -651,6 +653,17 @@ bool DdsChannel::Impl::is_of_its_peer(const wire::WantedPoses& wanted, const Han
            ? "it speaks for more peers than are kept"
            : "peer " + wire::partition_of(wanted.peer) + " speaks through another writer"));
   return false;
+}
+
+/// The host takes poses and promises apart. So it could take what waits of a body that is gone for later than what came of the next of its
+/// name, and prove that one free by a promise that was made of another.
+void DdsChannel::Impl::drop_ended() {
+  const std::set<std::string> ended = movers_.take_ended();
+  if (ended.empty()) return;
+  const auto is_ended = [&](const auto& said) { return ended.contains(said.body); };
+  const std::lock_guard lock(mutex_);
+  std::erase_if(inbox_.poses, is_ended);
+  std::erase_if(inbox_.promises, is_ended);
 }
 
 /// What is known of a body replaces what waited.
@@ -695,6 +708,7 @@ Status DdsChannel::Impl::rejoin() {
   wishers_.clear();
   routes_.clear();
   headers_.clear();
+  drop_ended();
   deliver_movers();
   const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
   forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,

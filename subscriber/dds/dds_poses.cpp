@@ -77,6 +77,7 @@ void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
     }
     told_.push_back({body, true});
     changes_[body.name] = wire::Mover::kLeft;
+    ended_.insert(body.name);
     bodies_.release(body.name, moved->second.writer);
     moved_.erase(moved);
     has_released_ = true;
@@ -135,10 +136,11 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
+  std::set<std::string> lost;
   for (const auto& gone : std::exchange(gone_movers_, {})) {
     const wire::Handle& writer = gone.first;
     bodies_.forget(writer);
-    lose(writer, gone.second);
+    lost.merge(lose(writer, gone.second));
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
     const auto is_its = [&](const auto& entry) {
@@ -147,6 +149,10 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     std::erase_if(unnamed_, is_its);
     std::erase_if(unnamed_promises_, is_its);
   }
+  const auto is_lost = [&](const auto& said) { return lost.contains(said.body); };
+  std::erase_if(accepted, is_lost);
+  std::erase_if(promises_, is_lost);
+  ended_.merge(lost);
   // A peer that started again may be heard before its old self is gone.
   accept_contested(accepted);
   return accepted;
@@ -255,13 +261,17 @@ void DdsPoses::look_for_silent() {
   }
 }
 
-void DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
+/// Out: the bodies that it moved.
+std::set<std::string> DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
   sources_.erase(writer);
+  std::set<std::string> lost;
   std::erase_if(moved_, [&](const auto& entry) {
     if (entry.second.writer != writer) return false;
     changes_[entry.first] = how;
+    lost.insert(entry.first);
     return true;
   });
+  return lost;
 }
 
 void DdsPoses::tell(const std::string& body, Moved& moved, wire::Mover now) {
@@ -272,7 +282,10 @@ std::map<std::string, wire::Mover> DdsPoses::take_changes() { return std::exchan
 
 void DdsPoses::clear() {
   sources_.clear();
-  for (const auto& [body, moved] : std::exchange(moved_, {})) changes_[body] = wire::Mover::kLeft;
+  for (const auto& [body, moved] : std::exchange(moved_, {})) {
+    changes_[body] = wire::Mover::kLeft;
+    ended_.insert(body);
+  }
   bodies_.clear();
   gone_movers_.clear();
   parts_.clear();

@@ -259,6 +259,32 @@ TEST(DdsChannel, WhoRemovesABodyThatAnotherMovesDoesNotGetItsNameLater) {
   EXPECT_EQ(watcher.all.complaints.size(), 1U);
 }
 
+// A host that takes seldom finds one and the other in one inbox, each kind by itself.
+TEST(DdsChannel, APromiseOfABodyThatIsGoneDoesNotWaitBesideThePoseOfTheNextOfItsName) {
+  for (const bool leaves : {false, true}) {
+    const std::string prefix = own_prefix() + (leaves ? "/leaves" : "/removes");
+    Peer watcher(make_peer(prefix)), first(make_peer(prefix)), second(make_peer(prefix));
+    const wire::SessionId first_id = first.channel->own_id(), second_id = second.channel->own_id();
+    first.channel->send(directory_of(first_id));
+    first.channel->promise(promises_of(first_id, 1));
+    watcher.channel->wait(kDeadline_s);  // it has come, and is not taken
+    if (leaves)
+      first.channel.reset();
+    else
+      first.channel->send(wire::BodyDirectory{.peer = first_id});
+    say(*second.channel, pose_of(second_id, "arm", 2));
+    // Time for all of it: without, each may have an inbox of its own, and the test would say nothing.
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    Inbox taken;
+    ASSERT_TRUE(wait_for([&] {
+      taken = watcher.channel->take();
+      return !taken.poses.empty();
+    })) << leaves;
+    EXPECT_EQ(taken.poses[0].peer, second_id);
+    EXPECT_TRUE(taken.promises.empty()) << leaves;
+  }
+}
+
 TEST(DdsChannel, WhatIsToldOfADirectoryAndAPromiseFromTwoSessionsOfOneHostStaysApart) {
   fdds::DomainParticipant* host = make_participant(own_prefix());
   {
