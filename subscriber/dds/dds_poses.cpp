@@ -36,11 +36,13 @@ void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& 
   }
 }
 
+/// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins late hears of each.
 void DdsPoses::know(HeardDirectory&& heard) {
   const wire::BodyDirectory& directory = heard.directory;
   const PartKey key = key_of(heard.writer, directory.peer, directory.part);
   const auto known = parts_.find(key);
   if (known == parts_.end()) {
+    if (directory.bodies.empty()) return;
     std::size_t& count = part_counts_[heard.writer];
     if (count >= kMaxPartsOfOne || parts_.size() >= kMaxParts) {
       if (over_full_.insert(heard.writer).second)
@@ -52,6 +54,12 @@ void DdsPoses::know(HeardDirectory&& heard) {
     ++count;
   } else if (known->second.writer == heard.writer) {
     change_bodies(directory.peer, known->second, directory.bodies);
+  }
+  if (directory.bodies.empty()) {
+    // Another writer may have told of it first, and is gone.
+    if (std::size_t& count = part_counts_[known->second.writer]; count > 0) --count;
+    parts_.erase(known);
+    return;
   }
   parts_[key] = {heard.writer, std::move(heard.directory.bodies)};
   told_parts_.push_back(key);

@@ -5,6 +5,7 @@
 
 #include "dds_channel_fixture.hpp"
 #include "idl/dds/routes.hpp"
+#include "subscriber/dds/dds_poses.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -29,12 +30,13 @@ wire::NearPoses near_of(wire::SessionId peer, std::uint64_t frame) {
   return poses;
 }
 
-/// "leg", another body of a peer's, where it is: alone in the next part.
-void say_leg(PeerChannel& channel) {
+/// "leg", another body of a peer's, where it is: alone in a part.
+void say_leg(PeerChannel& channel, std::uint32_t part = 1) {
   const wire::SessionId peer = channel.own_id();
-  channel.send(wire::BodyDirectory{
-      .peer = peer, .part = 1, .bodies = {{wire::kBodiesPerPart, "leg", "model of leg"}}});
-  channel.send(wire::BodyPoses{.peer = peer, .part = 1, .bodies = {{wire::kBodiesPerPart}}});
+  const std::uint32_t number = part * wire::kBodiesPerPart;
+  channel.send(
+      wire::BodyDirectory{.peer = peer, .part = part, .bodies = {{number, "leg", "model of leg"}}});
+  channel.send(wire::BodyPoses{.peer = peer, .part = part, .bodies = {{number}}});
 }
 
 /// A reader's filter that lets everything pass: what does not come, its writer chose not to send.
@@ -181,6 +183,27 @@ TEST(DdsChannel, WhoJoinsLaterIsPromisedAtOnce) {
   EXPECT_EQ(late.all.promises[0].from_s, 5);
   EXPECT_EQ(late.all.promises[0].place_m, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(late.all.movers.at("arm"), wire::Mover::kThere);
+}
+
+// A session uses no number twice, so it has told of as many parts as it has had bodies.
+TEST(DdsChannel, WhoJoinsLaterHearsAMoverThatHasRemovedMoreBodiesThanAreKept) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  constexpr auto kRemoved = static_cast<std::uint32_t>(subscriber::DdsPoses::kMaxPartsOfOne);
+  for (std::uint32_t part = 0; part < kRemoved; ++part)
+    for (const bool is_there : {true, false}) {
+      wire::BodyDirectory directory{.peer = id, .part = part};
+      if (is_there)
+        directory.bodies.push_back({part * wire::kBodiesPerPart, std::to_string(part), "m"});
+      mover.channel->send(directory);
+    }
+  say_leg(*mover.channel, kRemoved);  // the last, by time and by key
+  Peer late(make_peer(own_prefix()));
+  for (Peer* peer : {&watcher, &late}) {
+    ASSERT_TRUE(peer->await([](const Inbox& in) { return !in.poses.empty(); })) << peer->story();
+    EXPECT_EQ(peer->all.poses[0].body, "leg");
+    EXPECT_EQ(peer->all.complaints, std::vector<std::string>{});
+  }
 }
 
 TEST(DdsChannel, PromisesCountOnceADirectoryNamesThemAndOfWhoHasASpeed) {
