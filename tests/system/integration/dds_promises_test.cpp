@@ -206,6 +206,74 @@ TEST(DdsChannel, WhoJoinsLaterHearsAMoverThatHasRemovedMoreBodiesThanAreKept) {
   }
 }
 
+/// As promises_of, of one body: each of another key where it is of another part of promises.
+wire::BodyPromises promise_of(wire::SessionId peer, std::uint32_t number, double from_s) {
+  wire::BodyPromises promises = promises_of(peer, from_s);
+  promises.part = number / wire::kBodiesPerPromise;
+  promises.bodies[0].number = number;
+  return promises;
+}
+
+/// Promises that wait for one of several directories are told again with each that comes, so they are not counted.
+bool is_promised(const Inbox& in, const std::string& body, double from_s) {
+  return std::any_of(in.promises.begin(), in.promises.end(), [&](const auto& promise) {
+    return promise.body == body && promise.from_s == from_s;
+  });
+}
+
+// As of poses. A part of promises is of bodies that several directories tell of.
+TEST(DdsChannel, NothingIsKeptOfPromisesOfBodiesThatAreGone) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  constexpr std::uint32_t kHand = wire::kBodiesPerPart, kLeg = 5 * wire::kBodiesPerPart;
+  static_assert(kHand / wire::kBodiesPerPromise == 0 && kLeg / wire::kBodiesPerPromise == 1);
+  const auto tell = [&](std::uint32_t number, const std::string& name) {
+    wire::BodyDirectory directory{.peer = id, .part = number / wire::kBodiesPerPart};
+    if (!name.empty())
+      directory.bodies.push_back(
+          {.number = number, .name = name, .model = "m", .max_speed_mps = 10});
+    mover.channel->send(directory);
+  };
+  tell(0, "arm");
+  tell(kHand, "hand");
+  tell(kLeg, "leg");
+  wire::BodyPromises both = promise_of(id, 0, 1);
+  both.bodies.push_back({kHand, {4, 5, 6}});
+  mover.channel->promise(both);
+  mover.channel->promise(promise_of(id, kLeg, 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return is_promised(in, "arm", 1) && is_promised(in, "hand", 1) && is_promised(in, "leg", 1);
+  })) << watcher.story();
+  // Of the hand it still holds.
+  tell(0, "");
+  mover.channel->promise(promise_of(id, kLeg, 2));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.at("arm") == wire::Mover::kLeft && is_promised(in, "leg", 2);
+  })) << watcher.story();
+  EXPECT_EQ(find_kept<wire::BodyPromises>(own_prefix(), 1).messages, 2U);
+  tell(kHand, "");
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.at("hand") == wire::Mover::kLeft;
+  })) << watcher.story();
+  // Until all readers have heard of it, what was taken back is told of.
+  EXPECT_TRUE(wait_for([&] {
+    const Found found = find_kept<wire::BodyPromises>(own_prefix(), 1);
+    return found.messages == 1 && found.all == 1;
+  }));
+  // To those who were there that is no news.
+  EXPECT_EQ(watcher.collect().movers.at("leg"), wire::Mover::kThere);
+  // The part is used again.
+  tell(1, "arm");
+  mover.channel->promise(promise_of(id, 1, 3));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return is_promised(in, "arm", 3); }));
+  EXPECT_EQ(watcher.all.complaints, std::vector<std::string>{});
+  EXPECT_EQ(watcher.channel->pose_counts()[id].lost_promises, 0U);
+  Peer late(make_peer(own_prefix()));
+  EXPECT_TRUE(late.await(
+      [](const Inbox& in) { return is_promised(in, "arm", 3) && is_promised(in, "leg", 2); }));
+  EXPECT_FALSE(is_promised(late.all, "hand", 1));
+}
+
 TEST(DdsChannel, PromisesCountOnceADirectoryNamesThemAndOfWhoHasASpeed) {
   Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
   const wire::SessionId id = mover.channel->own_id();
