@@ -12,6 +12,7 @@
 #include <new>
 #include <set>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
@@ -122,6 +123,7 @@ class DdsChannel::Impl {
   bool receive();
   bool receive_hellos();
   bool receive_poses();
+  void drop_ended();
   void deliver_movers();
   template <class Use>
   void note(SessionId peer, const Use& use) {
@@ -131,7 +133,10 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
-  void end_silent_parts();
+  [[nodiscard]] bool names_bodies(std::uint32_t first, std::uint32_t count, bool promised) const;
+  template <class Message>
+  bool end_silent_parts(const std::deque<Message>& queue, std::set<std::uint32_t>& retold,
+                        wire::Writer<Message>& writer);
   double acknowledge();
   template <class Message>
   bool flush(std::deque<Message>& queue, wire::Writer<Message>& writer);
@@ -179,8 +184,8 @@ class DdsChannel::Impl {
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
   std::map<SessionId, PoseCounts> counts_;
-  std::set<std::uint32_t>
-      silent_parts_;  ///< of own bodies: no poses come, the last ones are still kept
+  /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
+  std::set<std::uint32_t> retold_poses_, retold_promises_;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.
@@ -241,19 +246,32 @@ void DdsChannel::Impl::keep(Kept<Message> Impl::*kept, const Message& message) {
   mailbox_.wake();
 }
 
-/// Of a part that has no bodies any more, or only such as promises are made of, no poses will come.
+/// Of its parts poses or promises may come no more.
 void DdsChannel::Impl::tell_who(const wire::BodyDirectory& directory) {
-  if (check(directory).is_ok()) {
-    const bool has_poses =
-        std::any_of(directory.bodies.begin(), directory.bodies.end(),
-                    [](const wire::BodyDirectory::Body& body) { return body.max_speed_mps <= 0; });
-    const std::lock_guard lock(mutex_);
-    if (has_poses)
-      silent_parts_.erase(directory.part);
-    else
-      silent_parts_.insert(directory.part);
-  }
   keep(&Impl::directory_, directory);
+  if (!check(directory).is_ok()) return;
+  const std::uint32_t first = directory.part * wire::kBodiesPerPart,
+                      last = first + wire::kBodiesPerPart - 1;
+  {
+    const std::lock_guard lock(mutex_);
+    retold_poses_.insert(directory.part);
+    for (std::uint32_t part = first / wire::kBodiesPerPromise;
+         part <= last / wire::kBodiesPerPromise; ++part)
+      retold_promises_.insert(part);
+  }
+  mailbox_.wake();
+}
+
+/// Whether there are own bodies of these numbers of which promises are made, or such of which none are. The mutex is held.
+bool DdsChannel::Impl::names_bodies(std::uint32_t first, std::uint32_t count, bool promised) const {
+  for (auto part = directory_.parts.lower_bound(first / wire::kBodiesPerPart);
+       part != directory_.parts.end() && part->first <= (first + count - 1) / wire::kBodiesPerPart;
+       ++part)
+    for (const wire::BodyDirectory::Body& body : part->second.bodies)
+      if (body.number >= first && body.number - first < count &&
+          (body.max_speed_mps > 0) == promised)
+        return true;
+  return false;
 }
 
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
@@ -594,6 +612,7 @@ bool DdsChannel::Impl::receive_poses() {
                              });
   more |= more_promised;
   std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);
+  drop_ended();
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));
   more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
@@ -634,6 +653,17 @@ bool DdsChannel::Impl::is_of_its_peer(const wire::WantedPoses& wanted, const Han
            ? "it speaks for more peers than are kept"
            : "peer " + wire::partition_of(wanted.peer) + " speaks through another writer"));
   return false;
+}
+
+/// The host takes poses and promises apart. So it could take what waits of a body that is gone for later than what came of the next of its
+/// name, and prove that one free by a promise that was made of another.
+void DdsChannel::Impl::drop_ended() {
+  const std::set<std::string> ended = movers_.take_ended();
+  if (ended.empty()) return;
+  const auto is_ended = [&](const auto& said) { return ended.contains(said.body); };
+  const std::lock_guard lock(mutex_);
+  std::erase_if(inbox_.poses, is_ended);
+  std::erase_if(inbox_.promises, is_ended);
 }
 
 /// What is known of a body replaces what waited.
@@ -678,6 +708,7 @@ Status DdsChannel::Impl::rejoin() {
   wishers_.clear();
   routes_.clear();
   headers_.clear();
+  drop_ended();
   deliver_movers();
   const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
   forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,
@@ -742,7 +773,8 @@ bool DdsChannel::Impl::flush() {
   all &= flush(directory_.unsent, directory_writer_);
   all &= flush(promises_, promise_writer_);
   all &= flush(poses_, pose_writer_);
-  end_silent_parts();
+  all &= end_silent_parts(promises_, retold_promises_, promise_writer_);
+  all &= end_silent_parts(poses_, retold_poses_, pose_writer_);
   all &= flush(watched_.unsent, watched_writer_);
   all &= flush(bounds_, bounds_writer_);
   all &= flush(wanted_, wanted_writer_);
@@ -753,24 +785,37 @@ bool DdsChannel::Impl::flush() {
   return all;
 }
 
-/// The last poses of a part are kept for who joins later, and would be for good: between them and those of other parts Fast DDS tells
-/// such a reader of one gap that grows with each sample, of which doors let in kMaxGap a time (rtps_check.hpp). Unregistered, not
-/// disposed of: then the writer keeps nothing of the part, as soon as all readers have heard of it. To readers that is no news.
-void DdsChannel::Impl::end_silent_parts() {
+/// The last poses or promises of a part are kept for who joins later. Where all its bodies are gone, or are not such any more, they would be
+/// for good: between them and those of other parts Fast DDS tells such a reader of one gap that grows with each sample, of which doors let in
+/// kMaxGap a time (rtps_check.hpp), and whoever joins keeps what no directory names. Unregistered, not disposed of: then the writer keeps
+/// nothing of the part, as soon as all readers have heard of it. To readers that is no news. Out: as flush().
+template <class Message>
+bool DdsChannel::Impl::end_silent_parts(const std::deque<Message>& queue,
+                                        std::set<std::uint32_t>& retold,
+                                        wire::Writer<Message>& writer) {
+  constexpr bool kPromised = std::is_same_v<Message, wire::BodyPromises>;
+  constexpr std::uint32_t kCount = kPromised ? wire::kBodiesPerPromise : wire::kBodiesPerPart;
   std::set<std::uint32_t> silent;
   {
     const std::lock_guard lock(mutex_);
-    if (!poses_.empty()) return;  // some may be of these parts: they go first
-    silent = std::exchange(silent_parts_, {});
+    if (!queue.empty()) return true;  // some may be of these parts: they go first
+    for (const std::uint32_t part : std::exchange(retold, {}))
+      if (!names_bodies(part * kCount, kCount, kPromised)) silent.insert(part);
   }
+  if (!writer.is_open()) return true;  // it has said nothing
   for (const std::uint32_t part : silent) {
-    wire::Writer<wire::BodyPoses>::Data key;
-    encode(wire::BodyPoses{.peer = own_id_, .part = part}, key);
-    // Where it never had poses, Fast DDS finds nothing to do.
-    static_cast<void>(pose_writer_.endpoint().unregister_instance(
-        static_cast<wire::TypeOf<wire::BodyPoses>::Sample*>(&key),
-        wire::rtps::c_InstanceHandle_Unknown));
+    typename wire::Writer<Message>::Data key;
+    encode(Message{.peer = own_id_, .part = part}, key);
+    // Where nothing was said of it, Fast DDS finds nothing to do.
+    const wire::ReturnCode code = writer.endpoint().unregister_instance(
+        static_cast<typename wire::TypeOf<Message>::Sample*>(&key),
+        wire::rtps::c_InstanceHandle_Unknown);
+    if (!wire::is_timeout(code)) continue;
+    const std::lock_guard lock(mutex_);
+    retold.insert(silent.find(part), silent.end());
+    return false;
   }
+  return true;
 }
 
 template <class Message>

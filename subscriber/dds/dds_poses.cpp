@@ -36,11 +36,13 @@ void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& 
   }
 }
 
+/// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins late hears of each.
 void DdsPoses::know(HeardDirectory&& heard) {
   const wire::BodyDirectory& directory = heard.directory;
   const PartKey key = key_of(heard.writer, directory.peer, directory.part);
   const auto known = parts_.find(key);
   if (known == parts_.end()) {
+    if (directory.bodies.empty()) return;
     std::size_t& count = part_counts_[heard.writer];
     if (count >= kMaxPartsOfOne || parts_.size() >= kMaxParts) {
       if (over_full_.insert(heard.writer).second)
@@ -52,6 +54,12 @@ void DdsPoses::know(HeardDirectory&& heard) {
     ++count;
   } else if (known->second.writer == heard.writer) {
     change_bodies(directory.peer, known->second, directory.bodies);
+  }
+  if (directory.bodies.empty()) {
+    // Another writer may have told of it first, and is gone.
+    if (std::size_t& count = part_counts_[known->second.writer]; count > 0) --count;
+    parts_.erase(known);
+    return;
   }
   parts_[key] = {heard.writer, std::move(heard.directory.bodies)};
   told_parts_.push_back(key);
@@ -77,6 +85,7 @@ void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
     }
     told_.push_back({body, true});
     changes_[body.name] = wire::Mover::kLeft;
+    ended_.insert(body.name);
     bodies_.release(body.name, moved->second.writer);
     moved_.erase(moved);
     has_released_ = true;
@@ -135,10 +144,11 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
+  std::set<std::string> lost;
   for (const auto& gone : std::exchange(gone_movers_, {})) {
     const wire::Handle& writer = gone.first;
     bodies_.forget(writer);
-    lose(writer, gone.second);
+    lost.merge(lose(writer, gone.second));
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
     const auto is_its = [&](const auto& entry) {
@@ -147,16 +157,31 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     std::erase_if(unnamed_, is_its);
     std::erase_if(unnamed_promises_, is_its);
   }
+  const auto is_lost = [&](const auto& said) { return lost.contains(said.body); };
+  std::erase_if(accepted, is_lost);
+  std::erase_if(promises_, is_lost);
+  ended_.merge(lost);
   // A peer that started again may be heard before its old self is gone.
   accept_contested(accepted);
   return accepted;
 }
 
+/// Whoever waited may have removed its body meanwhile: what it said of that would claim the name for a body that is not there, and the
+/// poses of one that is would be ignored.
 void DdsPoses::accept_contested(std::vector<wire::BodyPose>& accepted) {
-  for (auto& [body, contested] : std::exchange(contested_, {}))
-    accept(std::move(contested), accepted);
-  for (auto& [body, contested] : std::exchange(contested_promises_, {}))
-    accept(std::move(contested));
+  const auto is_told = [this](const wire::Handle& writer, wire::SessionId peer,
+                              wire::BodyDirectory::Body& body) {
+    const wire::BodyDirectory::Body* now = find(writer, peer, body.number).first;
+    if (now == nullptr || now->name != body.name) return false;
+    body = *now;
+    return true;
+  };
+  for (auto& [name, contested] : std::exchange(contested_, {}))
+    if (is_told(contested.writer, contested.pose.peer, contested.body))
+      accept(std::move(contested), accepted);
+  for (auto& [name, contested] : std::exchange(contested_promises_, {}))
+    if (is_told(contested.writer, contested.promise.peer, contested.body))
+      accept(std::move(contested));
 }
 
 /// Whose number no directory tells yet waits: the two topics are not in one order.
@@ -244,13 +269,17 @@ void DdsPoses::look_for_silent() {
   }
 }
 
-void DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
+/// Out: the bodies that it moved.
+std::set<std::string> DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
   sources_.erase(writer);
+  std::set<std::string> lost;
   std::erase_if(moved_, [&](const auto& entry) {
     if (entry.second.writer != writer) return false;
     changes_[entry.first] = how;
+    lost.insert(entry.first);
     return true;
   });
+  return lost;
 }
 
 void DdsPoses::tell(const std::string& body, Moved& moved, wire::Mover now) {
@@ -261,7 +290,10 @@ std::map<std::string, wire::Mover> DdsPoses::take_changes() { return std::exchan
 
 void DdsPoses::clear() {
   sources_.clear();
-  for (const auto& [body, moved] : std::exchange(moved_, {})) changes_[body] = wire::Mover::kLeft;
+  for (const auto& [body, moved] : std::exchange(moved_, {})) {
+    changes_[body] = wire::Mover::kLeft;
+    ended_.insert(body);
+  }
   bodies_.clear();
   gone_movers_.clear();
   parts_.clear();

@@ -72,6 +72,8 @@ class DdsPoses {
   void clear();
   /// What became of the bodies' movers since the last call: of each what holds now.
   [[nodiscard]] std::map<std::string, wire::Mover> take_changes();
+  /// Bodies that somebody moved and moves no more, since the last call: what was said of them before take() counts no more.
+  [[nodiscard]] std::set<std::string> take_ended() { return std::exchange(ended_, {}); }
   /// Bodies whose poses count that came, went or became other ones since the last call.
   [[nodiscard]] std::vector<Channel::Inbox::Told> take_bodies() { return std::exchange(told_, {}); }
 
@@ -122,7 +124,7 @@ class DdsPoses {
   void accept_contested(std::vector<wire::BodyPose>& accepted);
   void tell(const std::string& body, Moved& moved, wire::Mover now);
   void look_for_silent();
-  void lose(const wire::Handle& writer, wire::Mover how);
+  [[nodiscard]] std::set<std::string> lose(const wire::Handle& writer, wire::Mover how);
 
   wire::Mailbox& mailbox_;
   const std::string topic_;
@@ -148,6 +150,7 @@ class DdsPoses {
   std::map<wire::Handle, Source> sources_;  ///< by writer
   std::map<std::string, Moved> moved_;      ///< bodies whose poses count
   std::map<std::string, wire::Mover> changes_;
+  std::set<std::string> ended_;
 };
 
 }  // namespace nearmesh::subscriber

@@ -44,6 +44,7 @@ struct Body {
   std::uint32_t number = 0;                  // on the bus, at its mover
   std::uint32_t links = 1, first_link = 0;   // own: as others are told
   std::optional<std::uint32_t> heard_robot;  // another's: the first link of the robot that it is of
+  wire::SessionId posed_by = 0;              // whose word its pose is; 0: nobody's on the bus
   wire::SessionId mover = 0;        // of the pose; 0: none, or no number on the bus says all of it
   std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
   bool solid = false;
@@ -131,6 +132,13 @@ struct Publisher {
 
 [[nodiscard]] inline std::string called_of(const Publisher& publisher) {
   return wire::called(publisher.hello.publisher, publisher.hello.name);
+}
+
+/// Whether a promise is of the body that this mover has under this number. Bodies of one name may follow each other: of another mover, or
+/// of the same, which uses no number twice. Where one stays or is says nothing of the next.
+[[nodiscard]] inline bool is_promise_of(const wire::BodyPromise& promise, wire::SessionId mover,
+                                        std::uint32_t number) {
+  return promise.peer == mover && promise.number == number;
 }
 
 [[nodiscard]] Status no_such(BodyId body);
@@ -354,6 +362,7 @@ struct Session::Impl {
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  static void forget_pose(Body& body);
   void take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints);
   void forget_heard(const Body& body);
   void forget_robot(Body& body);

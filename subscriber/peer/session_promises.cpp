@@ -39,7 +39,7 @@ double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b
 void keep(wire::BodyPromise&& promise, double now_s,
           std::array<std::optional<wire::BodyPromise>, 2>& promises) {
   auto& [latest, before] = promises;
-  if (latest && (latest->peer != promise.peer || latest->number != promise.number)) promises = {};
+  if (latest && !is_promise_of(*latest, promise.peer, promise.number)) promises = {};
   if (!latest || promise.from_s >= latest->from_s) {
     before = std::exchange(latest, std::move(promise));
   } else if (!before || promise.from_s >= before->from_s || !before->radius_m(now_s)) {
@@ -150,6 +150,10 @@ void Session::Impl::take_promises(const Channel::Inbox& inbox,
                              "; its promises are ignored");
       continue;
     }
+    // Where the body before it was is not where this one is, however fresh that pose is.
+    if (!body.is_placed && body.posed_by != 0 &&
+        !is_promise_of(promise, body.posed_by, body.number))
+      forget_pose(body);
     body.promiser = wire::Mover::kThere;
     keep(wire::BodyPromise(promise), time_s, body.promises);
   }

@@ -129,8 +129,7 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
                          " s; this is said once");
   // Whoever has the name now may have promised nothing.
   const std::optional<wire::BodyPromise>& promise = body.promises[0];
-  if (promise && pose.sequence != 0 &&
-      (promise->peer != pose.peer || promise->number != pose.number)) {
+  if (promise && pose.peer != 0 && !is_promise_of(*promise, pose.peer, pose.number)) {
     body.promises = {};
     body.promiser = wire::Mover::kNone;
   }
@@ -139,10 +138,19 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
   body.is_new_to_bounds = true;
   body.stamp.mover = wire::Mover::kThere;
   body.stamp.time_s = pose.time_s;
+  body.posed_by = pose.peer;
   body.mover = pose.sequence != 0 && !pose.is_near ? pose.peer : 0;
   body.number = pose.number;
   body.heard_robot = pose.links > 1 ? std::optional(pose.first_link) : std::nullopt;
   body.near_sequence = pose.is_near ? pose.sequence : 0;
+}
+
+/// As if none had come.
+void Session::Impl::forget_pose(Body& body) {
+  body.motion.reset();
+  body.stamp.mover = wire::Mover::kNone;
+  body.posed_by = body.mover = 0;
+  body.near_sequence = 0;
 }
 
 void Session::Impl::take_hello(const wire::Hello& hello) {

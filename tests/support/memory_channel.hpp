@@ -138,9 +138,11 @@ class MemoryBus {
       if (before.empty() || !moved_[directory.peer].contains(before.mapped().name)) continue;
       const bool is_gone = now == directory.bodies.end();
       if (is_gone) moved_[directory.peer].erase(before.mapped().name);
-      for (auto& [id, box] : peers_)
-        if (id != directory.peer)
-          box.inbox.bodies.push_back({is_gone ? before.mapped() : *now, is_gone});
+      for (auto& [id, box] : peers_) {
+        if (id == directory.peer) continue;
+        box.inbox.bodies.push_back({is_gone ? before.mapped() : *now, is_gone});
+        if (is_gone) forget_said(box, directory.peer, before.mapped().name);
+      }
     }
   }
   void inject(const wire::Hello& hello) {
@@ -212,6 +214,14 @@ class MemoryBus {
   static void for_each_kind(PeerBox& box, const Use& use) {
     use(box.poses.items);
     use(box.promises.items);
+  }
+  /// Of a body that is gone, or of all of a mover's.
+  static void forget_said(PeerBox& box, wire::SessionId mover, const std::string& body = "") {
+    for_each_kind(box, [&](auto& items) {
+      std::erase_if(items, [&](const auto& item) {
+        return item.message.peer == mover && (body.empty() || item.message.body == body);
+      });
+    });
   }
   void begin_to_move(wire::SessionId mover, const wire::BodyDirectory::Body& body) {
     if (!moved_[mover].insert(body.name).second) return;
@@ -402,10 +412,7 @@ inline std::unique_ptr<subscriber::Channel> MemoryBus::make_peer(wire::SessionId
 inline void MemoryBus::tell_of_mover(wire::SessionId id, wire::Mover what) {
   for (auto& [peer, box] : peers_) {
     if (peer == id) continue;
-    if (what == wire::Mover::kLeft)
-      for_each_kind(box, [&](auto& items) {
-        std::erase_if(items, [&](const auto& item) { return item.message.peer == id; });
-      });
+    if (what == wire::Mover::kLeft) forget_said(box, id);
     for (const std::string& body : moved_[id]) box.inbox.movers[body] = what;
   }
 }

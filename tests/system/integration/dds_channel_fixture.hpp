@@ -349,6 +349,33 @@ class Stranger {
   fdds::DataWriter* writer_;
 };
 
+/// What a reader of a topic that comes now finds: how many samples with a message, and all, also those that say that a key is taken back.
+struct Found {
+  std::size_t messages = 0, all = 0;
+};
+/// Until that part's has come.
+template <class Message>
+Found find_kept(const std::string& prefix, std::uint32_t awaited_part) {
+  wire::Mailbox mailbox;
+  wire::Reader<Message> late(mailbox);
+  const auto bus = std::move(wire::Bus::open({.transport = transport(prefix)}, mailbox)).value();
+  EXPECT_TRUE(late.open(*bus).is_ok());
+  Found found;
+  bool is_there = false;
+  EXPECT_TRUE(wait_for([&] {
+    while (late.drain(
+        100,
+        [&](Message&& message, const wire::Handle&, wire::Microseconds) {
+          ++found.messages;
+          is_there |= message.part == awaited_part;
+        },
+        [&](const wire::Handle&) { ++found.all; })) {
+    }
+    return is_there;
+  }));
+  return found;
+}
+
 template <class Message>
 RawType::Bytes bytes_of(const Message& message) {
   using Type = wire::TypeOf<Message>;

@@ -320,31 +320,6 @@ TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   EXPECT_EQ(mover.all.poses[0].body, "leg");
 }
 
-/// What a reader of poses that comes now finds: how many samples with poses, and without.
-struct Found {
-  std::size_t poses = 0, all = 0;
-};
-Found find_poses(const std::string& prefix, std::uint32_t awaited_part) {
-  wire::Mailbox mailbox;
-  wire::Reader<wire::BodyPoses> late(mailbox);
-  const auto bus = std::move(wire::Bus::open({.transport = transport(prefix)}, mailbox)).value();
-  EXPECT_TRUE(late.open(*bus).is_ok());
-  Found found;
-  bool is_there = false;
-  EXPECT_TRUE(wait_for([&] {
-    while (late.drain(
-        100,
-        [&](wire::BodyPoses&& poses, const wire::Handle&, wire::Microseconds) {
-          ++found.poses;
-          is_there |= poses.part == awaited_part;
-        },
-        [&](const wire::Handle&) { ++found.all; })) {
-    }
-    return is_there;
-  }));
-  return found;
-}
-
 // What is kept of it would make ever larger the gap that late readers are told of, until no door lets that pass.
 TEST(DdsChannel, NothingIsKeptOfAPartThatHasNoPosesAnyMore) {
   Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
@@ -366,8 +341,8 @@ TEST(DdsChannel, NothingIsKeptOfAPartThatHasNoPosesAnyMore) {
   say(*mover.channel, pose_of(id, "leg", 3));
   ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 3; }));
   const auto only_leg_is_kept = [&] {
-    const Found found = find_poses(own_prefix(), leg.poses.part);
-    EXPECT_EQ(found.poses, 1U);
+    const Found found = find_kept<wire::BodyPoses>(own_prefix(), leg.poses.part);
+    EXPECT_EQ(found.messages, 1U);
     return found.all == 1;
   };
   // Until all readers have heard of it, what was taken back is told of.

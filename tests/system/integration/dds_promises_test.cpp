@@ -5,6 +5,7 @@
 
 #include "dds_channel_fixture.hpp"
 #include "idl/dds/routes.hpp"
+#include "subscriber/dds/dds_poses.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -27,6 +28,15 @@ wire::NearPoses near_of(wire::SessionId peer, std::uint64_t frame) {
   poses.frame = frame;
   poses.bodies.push_back({.number = 0});
   return poses;
+}
+
+/// "leg", another body of a peer's, where it is: alone in a part.
+void say_leg(PeerChannel& channel, std::uint32_t part = 1) {
+  const wire::SessionId peer = channel.own_id();
+  const std::uint32_t number = part * wire::kBodiesPerPart;
+  channel.send(
+      wire::BodyDirectory{.peer = peer, .part = part, .bodies = {{number, "leg", "model of leg"}}});
+  channel.send(wire::BodyPoses{.peer = peer, .part = part, .bodies = {{number}}});
 }
 
 /// A reader's filter that lets everything pass: what does not come, its writer chose not to send.
@@ -175,6 +185,95 @@ TEST(DdsChannel, WhoJoinsLaterIsPromisedAtOnce) {
   EXPECT_EQ(late.all.movers.at("arm"), wire::Mover::kThere);
 }
 
+// A session uses no number twice, so it has told of as many parts as it has had bodies.
+TEST(DdsChannel, WhoJoinsLaterHearsAMoverThatHasRemovedMoreBodiesThanAreKept) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  constexpr auto kRemoved = static_cast<std::uint32_t>(subscriber::DdsPoses::kMaxPartsOfOne);
+  for (std::uint32_t part = 0; part < kRemoved; ++part)
+    for (const bool is_there : {true, false}) {
+      wire::BodyDirectory directory{.peer = id, .part = part};
+      if (is_there)
+        directory.bodies.push_back({part * wire::kBodiesPerPart, std::to_string(part), "m"});
+      mover.channel->send(directory);
+    }
+  say_leg(*mover.channel, kRemoved);  // the last, by time and by key
+  Peer late(make_peer(own_prefix()));
+  for (Peer* peer : {&watcher, &late}) {
+    ASSERT_TRUE(peer->await([](const Inbox& in) { return !in.poses.empty(); })) << peer->story();
+    EXPECT_EQ(peer->all.poses[0].body, "leg");
+    EXPECT_EQ(peer->all.complaints, std::vector<std::string>{});
+  }
+}
+
+/// As promises_of, of one body: each of another key where it is of another part of promises.
+wire::BodyPromises promise_of(wire::SessionId peer, std::uint32_t number, double from_s) {
+  wire::BodyPromises promises = promises_of(peer, from_s);
+  promises.part = number / wire::kBodiesPerPromise;
+  promises.bodies[0].number = number;
+  return promises;
+}
+
+/// Promises that wait for one of several directories are told again with each that comes, so they are not counted.
+bool is_promised(const Inbox& in, const std::string& body, double from_s) {
+  return std::any_of(in.promises.begin(), in.promises.end(), [&](const auto& promise) {
+    return promise.body == body && promise.from_s == from_s;
+  });
+}
+
+// As of poses. A part of promises is of bodies that several directories tell of.
+TEST(DdsChannel, NothingIsKeptOfPromisesOfBodiesThatAreGone) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  constexpr std::uint32_t kHand = wire::kBodiesPerPart, kLeg = 5 * wire::kBodiesPerPart;
+  static_assert(kHand / wire::kBodiesPerPromise == 0 && kLeg / wire::kBodiesPerPromise == 1);
+  const auto tell = [&](std::uint32_t number, const std::string& name) {
+    wire::BodyDirectory directory{.peer = id, .part = number / wire::kBodiesPerPart};
+    if (!name.empty())
+      directory.bodies.push_back(
+          {.number = number, .name = name, .model = "m", .max_speed_mps = 10});
+    mover.channel->send(directory);
+  };
+  tell(0, "arm");
+  tell(kHand, "hand");
+  tell(kLeg, "leg");
+  wire::BodyPromises both = promise_of(id, 0, 1);
+  both.bodies.push_back({kHand, {4, 5, 6}});
+  mover.channel->promise(both);
+  mover.channel->promise(promise_of(id, kLeg, 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return is_promised(in, "arm", 1) && is_promised(in, "hand", 1) && is_promised(in, "leg", 1);
+  })) << watcher.story();
+  // Of the hand it still holds.
+  tell(0, "");
+  mover.channel->promise(promise_of(id, kLeg, 2));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.at("arm") == wire::Mover::kLeft && is_promised(in, "leg", 2);
+  })) << watcher.story();
+  EXPECT_EQ(find_kept<wire::BodyPromises>(own_prefix(), 1).messages, 2U);
+  tell(kHand, "");
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.at("hand") == wire::Mover::kLeft;
+  })) << watcher.story();
+  // Until all readers have heard of it, what was taken back is told of.
+  EXPECT_TRUE(wait_for([&] {
+    const Found found = find_kept<wire::BodyPromises>(own_prefix(), 1);
+    return found.messages == 1 && found.all == 1;
+  }));
+  // To those who were there that is no news.
+  EXPECT_EQ(watcher.collect().movers.at("leg"), wire::Mover::kThere);
+  // The part is used again.
+  tell(1, "arm");
+  mover.channel->promise(promise_of(id, 1, 3));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return is_promised(in, "arm", 3); }));
+  EXPECT_EQ(watcher.all.complaints, std::vector<std::string>{});
+  EXPECT_EQ(watcher.channel->pose_counts()[id].lost_promises, 0U);
+  Peer late(make_peer(own_prefix()));
+  EXPECT_TRUE(late.await(
+      [](const Inbox& in) { return is_promised(in, "arm", 3) && is_promised(in, "leg", 2); }));
+  EXPECT_FALSE(is_promised(late.all, "hand", 1));
+}
+
 TEST(DdsChannel, PromisesCountOnceADirectoryNamesThemAndOfWhoHasASpeed) {
   Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
   const wire::SessionId id = mover.channel->own_id();
@@ -211,7 +310,7 @@ TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
     // Nor in the name of the mover's session.
     thief.channel->promise(promises_of(id, 8));
     // Both have one key: what waits unread is displaced by what comes later.
-    say(*thief.channel, pose_of(thief_id, "leg", 1));
+    say_leg(*thief.channel);
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
     mover.channel->promise(promises_of(id, 2));
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 2; }));
@@ -222,6 +321,59 @@ TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
   EXPECT_EQ(watcher.all.promises[2].from_s, 7);
   EXPECT_EQ(watcher.all.promises[2].peer, thief_id);
   EXPECT_EQ(watcher.all.movers.at("arm"), wire::Mover::kThere);
+}
+
+// Nobody moves it then, and who comes may.
+TEST(DdsChannel, WhoRemovesABodyThatAnotherMovesDoesNotGetItsNameLater) {
+  Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
+  const wire::SessionId second_id = second.channel->own_id();
+  {
+    Peer first(make_peer(own_prefix()));
+    first.channel->send(directory_of(first.channel->own_id()));
+    first.channel->promise(promises_of(first.channel->own_id(), 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 1; }));
+    second.channel->send(directory_of(second_id));
+    second.channel->promise(promises_of(second_id, 7));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    second.channel->send(wire::BodyDirectory{.peer = second_id});
+    say_leg(*second.channel);  // behind that
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+  }
+  ASSERT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") != wire::Mover::kThere; }));
+  Peer third(make_peer(own_prefix()));
+  say(*third.channel, pose_of(third.channel->own_id(), "arm", 3));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }))
+      << watcher.story();
+  EXPECT_EQ(watcher.all.poses[1].frame, 3U);
+  EXPECT_EQ(watcher.all.promises.size(), 1U);
+  EXPECT_EQ(watcher.all.complaints.size(), 1U);
+}
+
+// A host that takes seldom finds one and the other in one inbox, each kind by itself.
+TEST(DdsChannel, APromiseOfABodyThatIsGoneDoesNotWaitBesideThePoseOfTheNextOfItsName) {
+  for (const bool leaves : {false, true}) {
+    const std::string prefix = own_prefix() + (leaves ? "/leaves" : "/removes");
+    Peer watcher(make_peer(prefix)), first(make_peer(prefix)), second(make_peer(prefix));
+    const wire::SessionId first_id = first.channel->own_id(), second_id = second.channel->own_id();
+    first.channel->send(directory_of(first_id));
+    first.channel->promise(promises_of(first_id, 1));
+    watcher.channel->wait(kDeadline_s);  // it has come, and is not taken
+    if (leaves)
+      first.channel.reset();
+    else
+      first.channel->send(wire::BodyDirectory{.peer = first_id});
+    say(*second.channel, pose_of(second_id, "arm", 2));
+    // Time for all of it: without, each may have an inbox of its own, and the test would say nothing.
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    Inbox taken;
+    ASSERT_TRUE(wait_for([&] {
+      taken = watcher.channel->take();
+      return !taken.poses.empty();
+    })) << leaves;
+    EXPECT_EQ(taken.poses[0].peer, second_id);
+    EXPECT_TRUE(taken.promises.empty()) << leaves;
+  }
 }
 
 TEST(DdsChannel, WhatIsToldOfADirectoryAndAPromiseFromTwoSessionsOfOneHostStaysApart) {

@@ -239,6 +239,46 @@ TEST_F(Promises, OfABodyThatIsRemovedSayNothingOfTheNextOfItsName) {
   EXPECT_EQ(report.answers.size(), 1U);
 }
 
+// A jump: here a body goes, and there another of its name comes, whose promise is heard before its poses.
+TEST_F(Promises, ThePoseOfABodyThatIsRemovedIsNotThatOfTheNextOfItsName) {
+  // Declared here, so the body stays the same whatever its mover has.
+  ASSERT_TRUE(watcher_->add_body({.name = "far", .model = "aircraft"}).is_ok());
+  FrameReport report;
+  for (std::uint64_t frame = 0; frame < 5; ++frame) report = fly(frame, flying({60, 0, 0}, {}, 0));
+  ASSERT_EQ(report.answers.size(), 1U);
+  ASSERT_TRUE(is_certified(report.answers[0].answer.status)) << report.answers[0].reason;
+  ASSERT_TRUE(mover_->remove_body(far_).is_ok());
+  far_ = mover_->add_body(moved_body("far", kMostSpeed_mps)).value();
+  report = fly(5, flying({1, 0, 0}, {}, 0));
+  ASSERT_EQ(report.answers.size(), 1U);
+  EXPECT_EQ(report.answers[0].answer.status, AnswerStatus::kUncertain);
+  EXPECT_EQ(report.answers[0].reason,
+            "body far is known by a promise alone, its full poses are asked for");
+  EXPECT_FALSE(watcher_->motion_of(far_here()));
+  for (std::uint64_t frame = 6; frame < 9; ++frame) report = fly(frame, flying({1, 0, 0}, {}, 0));
+  ASSERT_EQ(report.answers.size(), 1U);
+  EXPECT_EQ(report.answers[0].reason, "");
+  EXPECT_EQ(watcher_->motion_of(far_here())->pose.translation_m[0], 1);
+}
+
+TEST_F(Promises, ThePoseOfAMoverThatLeftIsNotThatOfTheNextWhoPromises) {
+  ASSERT_TRUE(watcher_->add_body({.name = "far", .model = "aircraft"}).is_ok());
+  ASSERT_TRUE(watcher_->watch(own_, far_here()).is_ok());
+  mover_ = join(kMover + 0x10);
+  far_ = mover_->add_body(moved_body("far", 0)).value();
+  FrameReport report;
+  for (std::uint64_t frame = 0; frame < 5; ++frame) report = fly(frame, flying({60, 0, 0}, {}, 0));
+  ASSERT_TRUE(report.all_certified()) << report.answers[0].reason;
+  mover_.reset();
+  EXPECT_EQ(watch(4).answers[0].reason, "the peer that moves body far has left");
+  mover_ = join(kMover);
+  far_ = mover_->add_body(moved_body("far", kMostSpeed_mps)).value();
+  world_.round(*mover_, 5, {{far_, flying({1, 0, 0}, {}, 0)}});
+  world_.bus.tell_of_mover(kMover, wire::Mover::kThere);  // of this one
+  EXPECT_EQ(watch(5).answers[0].reason,
+            "body far is known by a promise alone, its full poses are asked for");
+}
+
 TEST_F(Promises, OfAStrangerAboutAnOwnBodyAreIgnored) {
   fly(0, flying({50'000, 0, 0}, {}, 0));
   auto stranger = join(0xdd);

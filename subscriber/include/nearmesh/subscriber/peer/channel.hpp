@@ -68,10 +68,11 @@ class Channel {
       wire::BodyDirectory::Body body;
       bool is_gone = false;  ///< its mover has removed it
     };
-    std::vector<Told> bodies;                 ///< take these before the poses
-    std::vector<wire::BodyPose> poses;        ///< of bodies that others move
-    std::vector<wire::BodyPromise> promises;  ///< of bodies that others move
-    std::vector<wire::WantedPoses> wanted;    ///< of bodies that this peer moves
+    std::vector<Told> bodies;  ///< take these before the poses
+    /// Of bodies that others move. Of one whose mover has left or removed it since, nothing of before: another of its name may be there.
+    std::vector<wire::BodyPose> poses;
+    std::vector<wire::BodyPromise> promises;
+    std::vector<wire::WantedPoses> wanted;  ///< of bodies that this peer moves
     /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after poses and promises.
     std::map<std::string, wire::Mover> movers;
     bool recorder_came = false;  ///< one that may have missed what came before
