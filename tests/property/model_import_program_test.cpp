@@ -231,9 +231,9 @@ TEST_F(ModelImportProgram, WritesNodesWhereLinksLeadIfAllCanBeWritten) {
   const test::Folder folder;
   const std::string nodes = folder.file("nodes");
   const std::string command = "build --per-node " + mesh.path() + " -o " + nodes;
-  using Names = std::set<std::string>;
+  using FileNames = std::set<std::string>;
   const auto names_in = [](const std::string& path) {
-    Names names;
+    FileNames names;
     for (const auto& file : fs::directory_iterator(path)) names.insert(file.path().filename());
     return names;
   };
@@ -247,13 +247,13 @@ TEST_F(ModelImportProgram, WritesNodesWhereLinksLeadIfAllCanBeWritten) {
   EXPECT_NE(refused.err.find("node large: " + nodes + "/large.spm: cannot create"),
             std::string::npos)
       << refused.err;
-  EXPECT_EQ(names_in(nodes), (Names{"large.spm", "small.spm"}));
-  EXPECT_EQ(names_in(folder.path()), Names{"nodes"});
+  EXPECT_EQ(names_in(nodes), (FileNames{"large.spm", "small.spm"}));
+  EXPECT_EQ(names_in(folder.path()), FileNames{"nodes"});
 
   fs::remove(nodes + "/large.spm");
   ASSERT_EQ(run(command).code, 0);
-  EXPECT_EQ(names_in(nodes), (Names{"large.spm", "scene.yaml", "small.spm"}));
-  EXPECT_EQ(names_in(folder.path()), (Names{"later", "nodes"}));
+  EXPECT_EQ(names_in(nodes), (FileNames{"large.spm", "scene.yaml", "small.spm"}));
+  EXPECT_EQ(names_in(folder.path()), (FileNames{"later", "nodes"}));
   EXPECT_TRUE(fs::is_symlink(nodes + "/small.spm"));
   expect_size(info(folder.file("later")), 4, 6, 10);
 }
