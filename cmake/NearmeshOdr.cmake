@@ -3,11 +3,12 @@
 # and runs over objects of the other type. Needs g++ (option NEARMESH_CHECK_ODR). Within a room, which a joined build compiles
 # as a whole, a second type of one name is an error already.
 
-# Each object keeps its types beside its code, which takes a twentieth more time; programs are linked without them. An index
-# of all that the types speak of would name functions that the code has not (they were inlined), so archives have one of the code.
+# Each object keeps its types beside its code, which takes a twentieth more time. Nothing is linked by them: archives, which
+# are installed too, hold the code alone.
 foreach(language C CXX)
-  set(CMAKE_${language}_ARCHIVE_CREATE "<CMAKE_AR> --plugin /dev/null qc <TARGET> <LINK_FLAGS> <OBJECTS>")
-  set(CMAKE_${language}_ARCHIVE_FINISH "")
+  set(CMAKE_${language}_ARCHIVE_FINISH
+      "${CMAKE_OBJCOPY} --wildcard -R '.gnu.lto_*' -R '.gnu.debuglto_*' --strip-symbol __gnu_lto_v1 <TARGET>"
+      "<CMAKE_RANLIB> <TARGET>")
 endforeach()
 add_link_options(-fno-lto)
 
