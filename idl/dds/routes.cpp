@@ -128,6 +128,15 @@ void Routes::find(SessionId session, const Participant& at) {
   if (known.size() <= kMaxPlaces) known.insert(at);
 }
 
+/// Where there were too many not all of them are known: it stays so.
+void Routes::lose(const Participant& at) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(places_, [&](auto& entry) {
+    std::set<Participant>& known = entry.second;
+    return known.size() <= kMaxPlaces && known.erase(at) > 0 && known.empty();
+  });
+}
+
 void Routes::clear() {
   const std::lock_guard lock(mutex_);
   wishes_.clear();
