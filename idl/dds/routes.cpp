@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <string_view>
 
 #include "nearmesh/idl/messages/topics.hpp"
@@ -131,10 +132,11 @@ void Routes::find(SessionId session, const Participant& at) {
 /// Where there were too many not all of them are known: it stays so.
 void Routes::lose(const Participant& at) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(places_, [&](auto& entry) {
-    std::set<Participant>& known = entry.second;
-    return known.size() <= kMaxPlaces && known.erase(at) > 0 && known.empty();
-  });
+  for (auto place = places_.begin(); place != places_.end();) {
+    std::set<Participant>& known = place->second;
+    if (known.size() <= kMaxPlaces) known.erase(at);
+    place = known.empty() ? places_.erase(place) : std::next(place);
+  }
 }
 
 void Routes::clear() {
