@@ -129,6 +129,17 @@ void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> fac
   if (first.right_box == kNoBox) first.right_box = record.right_box;
 }
 
+// What is known is active, but while it is collapsed.
+std::bitset<kManyTellers + 1> RefinedMesh::tellers() const {
+  std::bitset<kManyTellers + 1> found;
+  const auto count = mesh_->split_count() + static_cast<std::uint32_t>(store_->roots().size());
+  for (std::uint32_t i = 0; i < count; ++i)
+    if (const VertexId split = mesh_->active_at(i); !store_->is_root(split))
+      found.set(teller_of(split));
+  for (const auto& [node, parked] : parked_) found.set(parked.teller);
+  return found;
+}
+
 RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch, Teller teller) {
   Applied applied;
   applied.delta.split.reserve(batch.splits.size());

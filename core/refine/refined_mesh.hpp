@@ -2,6 +2,7 @@
 #pragma once
 // A peer's copy of one model: header, the splits it was sent, and which are active (takes SplitBatch, gives RefineDelta).
 
+#include <bitset>
 #include <memory>
 #include <unordered_map>
 #include <vector>
@@ -35,6 +36,8 @@ class RefinedMesh {
   [[nodiscard]] Applied apply_batch(const SplitBatch& batch, Teller teller = 0);
   /// Who told a known split. Meaningless of one that is not known.
   [[nodiscard]] Teller teller_of(VertexId split) const { return tellers_[split.value]; }
+  /// Those who told of what is known, or is parked. Cost: O(known splits).
+  [[nodiscard]] std::bitset<kManyTellers + 1> tellers() const;
   /// Makes a node whole; its splits stay known until `forget`. The AB-tree must see the delta before that.
   [[nodiscard]] RefineDelta collapse(NodeSpan node);
   /// Forgets all splits below a node that is whole. Cost: O(splits forgotten).

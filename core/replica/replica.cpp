@@ -82,12 +82,23 @@ Replica::Taken Replica::take_kept(std::span<const std::uint8_t> bytes) {
   return take(bytes);
 }
 
+/// In weeks there are more publishers than numbers. One who told of nothing that is here needs none: else who lies later would never be named.
 Teller Replica::teller_of(std::uint64_t sender) {
   const auto at = std::find(tellers_.begin(), tellers_.end(), sender);
-  const auto number = static_cast<std::size_t>(at - tellers_.begin());
-  if (number >= kManyTellers) return kManyTellers;
-  if (at == tellers_.end()) tellers_.push_back(sender);
-  return static_cast<Teller>(number);
+  if (at != tellers_.end()) return static_cast<Teller>(at - tellers_.begin());
+  if (tellers_.size() < kManyTellers) {
+    tellers_.push_back(sender);
+    return static_cast<Teller>(tellers_.size() - 1);
+  }
+  if (has_no_spare_teller_) return kManyTellers;
+  const auto needed = refined_.tellers();
+  for (std::size_t number = 0; number < tellers_.size(); ++number) {
+    if (needed[number]) continue;
+    tellers_[number] = sender;
+    return static_cast<Teller>(number);
+  }
+  has_no_spare_teller_ = true;
+  return kManyTellers;
 }
 
 void Replica::audit(std::span<const std::uint8_t> piece, Taken& taken) {
@@ -146,12 +157,14 @@ void Replica::forget_all() {
   refined_ = RefinedMesh(header());
   tree_ = AbTree(refined_.mesh());
   has_kept_ = false;
+  has_no_spare_teller_ = false;
 }
 
 Replica::Times Replica::give_up(std::span<const RegionPart> keep) {
   Times times;
   const std::vector<NodeSpan> outside = nodes_outside(store(), keep);
   give_ups_ += outside.empty() ? 0 : 1;
+  has_no_spare_teller_ = has_no_spare_teller_ && outside.empty();
   for (const NodeSpan& node : outside) {
     Stopwatch watch;
     const RefineDelta delta = refined_.collapse(node);

@@ -84,6 +84,7 @@ class Replica {
   AbTree tree_;  // refers to the mesh, which stays in its place when a Replica moves
   std::set<std::uint64_t> distrusted_;
   std::vector<std::uint64_t> tellers_;  // by number
+  bool has_no_spare_teller_ = false;    // since something was given up last
   AuditReader audit_;
   std::uint32_t taken_batches_ = 0;
   std::uint32_t give_ups_ = 0;

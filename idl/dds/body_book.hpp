@@ -2,8 +2,9 @@
 #pragma once
 // Which peer moves which body. For the rooms named dds alone.
 // The first writer of a body's poses keeps the body: poses of others are dropped. On an open bus until that writer is gone; on
-// a secured one for good, and for all programs of its identity: Fast DDS lets nobody join whose participant does not carry 47
-// bits of the hash of the certificate's subject in front (OMG DDS Security 1.1, 9.3.3; PKIDH::process_handshake_request).
+// a secured one beyond that, and for all programs of its identity: Fast DDS lets nobody join whose participant does not carry 47
+// bits of the hash of the certificate's subject in front (OMG DDS Security 1.1, 9.3.3; PKIDH::process_handshake_request). Names of bodies
+// that are gone are kept there as long as there is room: else the bodies of weeks would fill it, and those that are there would be ignored.
 
 #include <array>
 #include <cstdint>
@@ -20,7 +21,7 @@ class BodyBook {
   enum class Claim : std::uint8_t {
     kOwn,     ///< the writer's, from now on if not before
     kOthers,  ///< another's
-    kFull,    ///< this owner, or all together, have as many as are kept
+    kFull,    ///< this owner, or all together, move as many as are kept
   };
   /// Bodies kept of one owner, and of all: some 8 MB.
   static constexpr std::size_t kMaxOfOne = 1024, kMaxOfAll = 65536;
@@ -28,19 +29,32 @@ class BodyBook {
   explicit BodyBook(bool authenticated) : authenticated_(authenticated) {}
 
   [[nodiscard]] Claim claim(const std::string& body, const Handle& writer);
-  /// The writer moves the body no more.
+  /// The writer moves the body no more. On a secured bus the name stays its owner's until room is needed, for the owner's own bodies or, where
+  /// all is full, for anybody's: then who was released longest ago is forgotten.
   void release(const std::string& body, const Handle& writer);
-  /// The writer is gone. Cost: O(bodies).
+  /// The writer is gone: on a secured bus release() its bodies instead. Cost: O(bodies).
   void forget(const Handle& writer);
+  /// As forget(), of all writers.
   void clear();
 
  private:
   using Owner = std::array<std::uint8_t, 16>;
+  struct Kept {
+    Owner owner{};
+    std::uint64_t released = 0;  ///< the turn; 0: it is moved
+  };
+  struct Owned {
+    std::size_t count = 0;
+    std::map<std::uint64_t, std::string> released;  ///< those of them, by turn
+  };
   [[nodiscard]] Owner owner_of(const Handle& writer) const;
+  [[nodiscard]] bool drop_longest_released(Owned& owned);
+  [[nodiscard]] Owned* longest_released();
 
   bool authenticated_;
-  std::map<std::string, Owner> owners_;
-  std::map<Owner, std::size_t> counts_;
+  std::map<std::string, Kept> bodies_;
+  std::map<Owner, Owned> owners_;
+  std::uint64_t releases_ = 0;
 };
 
 }  // namespace nearmesh::wire

@@ -284,11 +284,13 @@ class DiscoveryListener : public FindingListener {
                durability_name(durability_of(delivery))));
   }
 
-  /// Each line once: every endpoint of another version would say the same.
+  /// Each line once: every endpoint of another version would say the same. Where too many were said all may be said again: in weeks there are
+  /// as many of programs that are gone, and who comes then shall not be refused in silence.
   void say(std::string line) {
     {
       const std::lock_guard lock(mutex_);
-      if (said_.size() >= kMaxKnown || !said_.insert(line).second) return;
+      if (said_.size() >= kMaxKnown && !said_.contains(line)) said_.clear();
+      if (!said_.insert(line).second) return;
     }
     mailbox_.complain(std::move(line));
   }

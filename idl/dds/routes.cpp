@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <string_view>
 
 #include "nearmesh/idl/messages/topics.hpp"
@@ -126,6 +127,16 @@ void Routes::find(SessionId session, const Participant& at) {
   if (places_.size() >= kMaxPeers && !places_.contains(session)) return;
   std::set<Participant>& known = places_[session];
   if (known.size() <= kMaxPlaces) known.insert(at);
+}
+
+/// Where there were too many not all of them are known: it stays so.
+void Routes::lose(const Participant& at) {
+  const std::lock_guard lock(mutex_);
+  for (auto place = places_.begin(); place != places_.end();) {
+    std::set<Participant>& known = place->second;
+    if (known.size() <= kMaxPlaces) known.erase(at);
+    place = known.empty() ? places_.erase(place) : std::next(place);
+  }
 }
 
 void Routes::clear() {

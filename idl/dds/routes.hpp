@@ -45,6 +45,8 @@ class Routes {
   /// The session speaks through that participant. Through several, one of which may be a stranger's or its own of before it joined
   /// anew: each gets what is for it.
   void find(SessionId session, const Participant& at);
+  /// Whoever spoke through that participant does not any more: in weeks there are more of them than are kept, and who is not gets all.
+  void lose(const Participant& at);
   /// With a bus: nobody is known any more.
   void clear();
 

@@ -615,6 +615,8 @@ bool DdsChannel::Impl::receive_poses() {
   drop_ended();
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));
+  for (const wire::ReaderListener::Match& event : tellers)
+    if (event.gone) routes_.lose(wire::Routes::participant_of(event.writer));
   more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
                                               Microseconds) {
     if (wanted.mover != own_id_ || wanted.peer == own_id_) return;

@@ -40,7 +40,10 @@ std::optional<SessionId> DdsHellos::lose(const wire::ReaderListener::Match& even
   writers_.erase(event.writer);
   silence_.gone(event.writer);
   memory_.lost(event.writer);
-  std::erase_if(waiting_, [&](const Said& waiting) { return waiting.writer == event.writer; });
+  const auto is_its = [&](const Said& said) { return said.writer == event.writer; };
+  std::erase_if(waiting_, is_its);
+  // Who contested a session and left is nobody's writer any more: with the session it would keep that from who bears it.
+  std::erase_if(contested_, is_its);
   const std::optional<SessionId> lost = book_.forget(event.writer, event.when);
   if (!lost) return lost;
   // A publisher that joined anew may be heard before its old self is gone.
@@ -76,6 +79,7 @@ void DdsHellos::accept(const wire::Hello& hello, const Handle& writer, Microseco
   mailbox_.complain(topic_ + ": publisher " + wire::partition_of(hello.publisher) +
                     " is heard from " + wire::name_of(writer, mailbox_) +
                     " too, which is ignored while the first is there");
+  std::erase_if(contested_, [&](const Said& contested) { return contested.writer == writer; });
   if (contested_.size() < kMaxContested) contested_.push_back({hello, writer});
 }
 

@@ -24,6 +24,8 @@ using wire::Microseconds;
 constexpr std::size_t kMaxHeard = 4096;
 constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
+/// Of which nothing was heard for so long make room: bodies come and go while their peers stay.
+constexpr double kOldRegion_s = 60;
 constexpr double kStatusSilence_s = 2;
 
 /// Whose replica is of another content than is served under its name.
@@ -69,6 +71,15 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers,
     lines.push_back(line + wire::kConflictAdvice);
   }
   return lines;
+}
+
+/// Whether there is room for an entry.
+template <class Key, class Value>
+bool has_room_for(std::map<Key, Value>& known, const Key& key, double now_s) {
+  if (known.size() < kMaxRegions || known.contains(key)) return true;
+  return std::erase_if(known, [now_s](const auto& entry) {
+           return now_s - entry.second.heard_s > kOldRegion_s;
+         }) > 0;
 }
 
 }  // namespace
@@ -146,7 +157,7 @@ class DdsMonitor::Impl {
     const bool more = report_reader_.drain(
         kMaxHeard, [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
           const auto key = std::tuple(report.peer, report.body_a, report.body_b);
-          if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
+          if (!has_room_for(regions_, key, now_s)) return;
           Region& region = regions_.try_emplace(key, Region{.certified_s = now_s}).first->second;
           region.writer = writer;
           region.heard_s = now_s;
@@ -158,7 +169,7 @@ class DdsMonitor::Impl {
           if (asked.request == 0) return;
           const auto note = [&](const ContentHash& content, std::size_t nodes, std::size_t pairs) {
             const std::pair key(asked.peer, content);
-            if (requests_.size() < kMaxRegions || requests_.contains(key))
+            if (has_room_for(requests_, key, now_s))
               requests_[key] = {
                   {asked.peer, content, asked.priority, static_cast<std::uint32_t>(nodes),
                    static_cast<std::uint32_t>(pairs)},
@@ -199,8 +210,13 @@ class DdsMonitor::Impl {
   }
 
   void refuse(std::string line) {
-    if (refusals_.size() < kMaxRefusals && known_.insert(line).second)
-      refusals_.push_back(std::move(line));
+    if (!known_.insert(line).second) return;
+    // The newest stay: who looks on for weeks is not to miss what is refused now.
+    if (refusals_.size() == kMaxRefusals) {
+      known_.erase(refusals_.front());
+      refusals_.erase(refusals_.begin());
+    }
+    refusals_.push_back(std::move(line));
   }
 
   const wire::TransportOptions transport_;

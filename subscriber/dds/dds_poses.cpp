@@ -277,6 +277,7 @@ std::set<std::string> DdsPoses::lose(const wire::Handle& writer, wire::Mover how
     if (entry.second.writer != writer) return false;
     changes_[entry.first] = how;
     lost.insert(entry.first);
+    bodies_.release(entry.first, writer);
     return true;
   });
   return lost;
@@ -293,6 +294,7 @@ void DdsPoses::clear() {
   for (const auto& [body, moved] : std::exchange(moved_, {})) {
     changes_[body] = wire::Mover::kLeft;
     ended_.insert(body);
+    bodies_.release(body, moved.writer);
   }
   bodies_.clear();
   gone_movers_.clear();

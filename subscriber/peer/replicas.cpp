@@ -57,9 +57,8 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
   model = std::move(anew);
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
-  const Channel::Header header = std::move(at->second);
-  unclaimed_bytes_ -= header.message.bytes.size();
-  unclaimed_.erase(at);
+  const Channel::Header header = at->second.header;
+  drop_spare(at);
   return take_header(header, complaints);
 }
 
@@ -71,11 +70,12 @@ void ReplicaSet::prepare_coming() {
   for (auto& [name, model] : models_) {
     PeerModel::Coming& coming = model.coming;
     if (!coming.content.is_set() || coming.world) continue;
-    const auto header = unclaimed_.find(coming.content);
-    if (header == unclaimed_.end() || !is_world_record(header->second.message.bytes)) continue;
+    const auto spare = unclaimed_.find(coming.content);
+    if (spare == unclaimed_.end()) continue;
+    const std::vector<std::uint8_t>& bytes = spare->second.header.message.bytes;
+    if (!is_world_record(bytes)) continue;
     // One that is none is complained of once it is taken.
-    if (auto world = PeerWorld::from_record(coming.content, header->second.message.bytes);
-        world.is_ok())
+    if (auto world = PeerWorld::from_record(coming.content, bytes); world.is_ok())
       coming.world = std::move(world).value();
   }
 }
@@ -86,18 +86,40 @@ PeerWorld* ReplicaSet::find_coming(const ContentHash& content) {
   return nullptr;
 }
 
+void ReplicaSet::drop_spare(std::map<ContentHash, Spare>::iterator spare) {
+  unclaimed_bytes_ -= spare->second.header.message.bytes.size();
+  unclaimed_.erase(spare);
+}
+
+bool ReplicaSet::has_room_for(const wire::MeshHeader& header) const {
+  return unclaimed_bytes_ + header.bytes.size() <= kMaxSpareHeaderBytes &&
+         unclaimed_.size() < wire::kMaxModels;
+}
+
+void ReplicaSet::make_room_for(const wire::MeshHeader& header,
+                               const std::function<bool(const ContentHash&)>& is_served) {
+  if (refused_.contains(header.content_hash) || unclaimed_.contains(header.content_hash) ||
+      find(header.content_hash) != nullptr)
+    return;
+  while (!has_room_for(header)) {
+    auto first = unclaimed_.end();
+    for (auto at = unclaimed_.begin(); at != unclaimed_.end(); ++at)
+      if ((first == unclaimed_.end() || at->second.came < first->second.came) &&
+          !is_served(at->first))
+        first = at;
+    if (first == unclaimed_.end()) return;
+    drop_spare(first);
+  }
+}
+
 /// Beyond the limit only of names we use, that may come to stand for it.
 void ReplicaSet::keep_header(const Channel::Header& header) {
   const wire::MeshHeader& message = header.message;
-  if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) {
-    unclaimed_bytes_ -= at->second.message.bytes.size();
-    unclaimed_.erase(at);
-  }
-  const bool has_room = unclaimed_bytes_ + message.bytes.size() <= kMaxSpareHeaderBytes;
+  if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) drop_spare(at);
   const bool is_named = find(message.name) != nullptr && unclaimed_.size() < 2 * wire::kMaxModels;
-  if (!(has_room && unclaimed_.size() < wire::kMaxModels) && !is_named) return;
+  if (!has_room_for(message) && !is_named) return;
   unclaimed_bytes_ += message.bytes.size();
-  unclaimed_.emplace(message.content_hash, header);
+  unclaimed_.emplace(message.content_hash, Spare{header, ++spares_that_came_});
 }
 
 std::size_t ReplicaSet::take_header(const Channel::Header& header,

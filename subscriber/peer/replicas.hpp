@@ -3,6 +3,7 @@
 // The models of a peer: which content a name stands for, the replica and its tree, and the batches that wait.
 
 #include <deque>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -111,6 +112,10 @@ class ReplicaSet {
   /// The worlds of these contents, once their headers are here.
   void prepare_coming();
   [[nodiscard]] PeerWorld* find_coming(const ContentHash& content);
+  /// Before a header is kept for a model that no body uses yet: where there is no room for it those make some that came first of contents that
+  /// nobody serves now. In weeks there are many of them, and their publishers, where they come back, send headers with their hellos.
+  void make_room_for(const wire::MeshHeader& header,
+                     const std::function<bool(const ContentHash&)>& is_served);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   /// One that contradicts itself is complained of once, and nothing is taken of that content any more.
   std::size_t take_header(const Channel::Header& header, std::vector<std::string>& complaints);
@@ -134,12 +139,18 @@ class ReplicaSet {
   std::map<std::string, PeerModel> models_;
   std::map<std::pair<ContentHash, std::string>, PeerModel*>
       by_content_;  // those that have one, and their names
+  struct Spare {
+    Channel::Header header;
+    std::uint64_t came = 0;  // in this turn
+  };
   void keep_header(const Channel::Header& header);
+  void drop_spare(std::map<ContentHash, Spare>::iterator spare);
+  [[nodiscard]] bool has_room_for(const wire::MeshHeader& header) const;
 
-  std::string cache_folder_;  // none: nothing is kept
-  std::map<ContentHash, Channel::Header>
-      unclaimed_;  // headers of contents that no model in use stands for
+  std::string cache_folder_;                // none: nothing is kept
+  std::map<ContentHash, Spare> unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
+  std::uint64_t spares_that_came_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
   std::uint32_t last_era_ = 0;
   std::uint32_t begins_in_ =

@@ -202,11 +202,11 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
     body.published_s = time_s;
   });
   if (!poses.bodies.empty()) {
-    poses.sequence = ++pose_samples;
+    poses.sequence = count_up(pose_samples);
     channel->send(poses);
   }
   for (auto& [wanted_by, sample] : near) {
-    sample.sequence = ++near_samples;
+    sample.sequence = count_up(near_samples);
     channel->send_near(sample);
   }
 }

@@ -141,6 +141,16 @@ struct Publisher {
   return promise.peer == mover && promise.number == number;
 }
 
+/// Of the numbers of a mover's samples, of which 10,000 bodies take 2^32 in a day: what follows the highest is 1 again, for 0 is no number. Of two
+/// that are less than 2^31 apart it is known which was said later; 0 was said before all.
+[[nodiscard]] inline bool is_after(std::uint32_t sequence, std::uint32_t other) {
+  return sequence != 0 && (other == 0 || static_cast<std::int32_t>(sequence - other) > 0);
+}
+[[nodiscard]] inline std::uint32_t count_up(std::uint32_t& sequence) {
+  if (++sequence == 0) ++sequence;
+  return sequence;
+}
+
 [[nodiscard]] Status no_such(BodyId body);
 
 /// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.
@@ -242,6 +252,7 @@ struct Session::Impl {
     std::uint32_t taken = 0;             // the newest sequence of those that count now
   };
   std::map<std::pair<wire::SessionId, std::uint32_t>, HeardLinks> heard_links;  // by first link
+  std::uint64_t looked_for_robots_in = 0;  // the update that forget_robots_of_nobody() did
 
   // session_bounds.cpp
   std::set<std::uint32_t> untold_watched;  // parts of the bodies: others know them otherwise
@@ -362,10 +373,12 @@ struct Session::Impl {
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  void forget_gone_movers();
   static void forget_pose(Body& body);
   void take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints);
   void forget_heard(const Body& body);
   void forget_robot(Body& body);
+  void forget_robots_of_nobody();
   [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
   [[nodiscard]] Status check_links(const std::vector<OwnMotion>& motions) const;
   [[nodiscard]] std::vector<Body*>::iterator own_from(std::uint32_t number);

@@ -82,13 +82,14 @@ void Session::Impl::add_parts_of(const Body& own, std::vector<std::uint32_t>& pa
 
 void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints) {
   const std::pair robot(pose.peer, pose.first_link);
+  if (heard_links.size() >= kMaxRobots && !heard_links.contains(robot)) forget_robots_of_nobody();
   if (heard_links.size() >= kMaxRobots && !heard_links.contains(robot)) return;
   HeardLinks& heard = heard_links[robot];
   HeardLinks::Instant& instant = heard.instants[pose.time_s];
   instant.poses.insert_or_assign(pose.number, pose);
-  instant.newest = std::max(instant.newest, pose.sequence);
+  if (is_after(pose.sequence, instant.newest)) instant.newest = pose.sequence;
   const auto is_older = [](const auto& one, const auto& other) {
-    return one.second.newest < other.second.newest;
+    return is_after(other.second.newest, one.second.newest);
   };
   if (instant.poses.size() < pose.links) {
     if (heard.instants.size() > kMaxInstants)
@@ -97,17 +98,27 @@ void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::strin
     return;
   }
   // What was sent before what counts already is late.
-  if (instant.newest >= heard.taken) {
+  if (!is_after(heard.taken, instant.newest)) {
     heard.taken = instant.newest;
     for (const auto& [number, link] : instant.poses) take_pose(link, complaints);
   }
   std::erase_if(heard.instants,
-                [&](const auto& entry) { return entry.second.newest <= heard.taken; });
+                [&](const auto& entry) { return !is_after(entry.second.newest, heard.taken); });
+}
+
+/// Those of which no body here is a link: their links are not looked at here, so nothing says when they are gone. Of one that is there the next
+/// instant counts as the first did.
+void Session::Impl::forget_robots_of_nobody() {
+  if (std::exchange(looked_for_robots_in, updates) == updates) return;
+  std::set<std::pair<wire::SessionId, std::uint32_t>> robots;
+  for (const Body* body : present)
+    if (body->heard_robot) robots.emplace(body->posed_by, *body->heard_robot);
+  std::erase_if(heard_links, [&](const auto& entry) { return !robots.contains(entry.first); });
 }
 
 /// Its mover has left, or moves it no more.
 void Session::Impl::forget_robot(Body& body) {
-  if (body.heard_robot) heard_links.erase({body.mover, *body.heard_robot});
+  if (body.heard_robot) heard_links.erase({body.posed_by, *body.heard_robot});
   body.heard_robot.reset();
 }
 

@@ -117,7 +117,7 @@ void Session::Impl::make_promises() {
         .part = part,
         .from_s = time_s,
         .steps = static_cast<std::uint16_t>(promise_s / wire::kPromiseStep_s),
-        .sequence = ++promise_samples,
+        .sequence = count_up(promise_samples),
         .quantum = static_cast<std::int8_t>(quantum_of(farthest_m, slowest_mps, promise_s))};
     for (Body* own : parts[part]) {
       wire::BodyPromises::Body entry{.number = own->number};
@@ -140,7 +140,7 @@ void Session::Impl::take_promises(const Channel::Inbox& inbox,
     heard_time_s = std::max(heard_time_s.value_or(promise.from_s), promise.from_s);
     hears_promises = true;
     std::uint32_t& last = last_promises[promise.peer];
-    last = std::max(last, promise.sequence);
+    if (is_after(promise.sequence, last)) last = promise.sequence;
     const auto at = named.find(promise.body);
     if (at == named.end()) continue;
     Body& body = *find(at->second);

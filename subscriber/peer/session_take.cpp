@@ -88,12 +88,26 @@ void Session::Impl::take_body(const wire::BodyDirectory::Body& entry, FrameRepor
   report.came.push_back(added.value());
 }
 
+/// Of movers that no body here is of any more: there are many in weeks.
+void Session::Impl::forget_gone_movers() {
+  constexpr std::size_t kMaxMovers = 4096;
+  if (last_pose_samples.size() <= kMaxMovers && last_promises.size() <= kMaxMovers) return;
+  std::set<wire::SessionId> movers;
+  for (const Body* body : present) {
+    movers.insert(body->posed_by);
+    for (const auto& promise : body->promises)
+      if (promise) movers.insert(promise->peer);
+  }
+  for (auto* const last : {&last_pose_samples, &last_promises})
+    std::erase_if(*last, [&](const auto& entry) { return !movers.contains(entry.first); });
+}
+
 void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {
   for (const wire::BodyPose& pose : inbox.poses) {
     heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
     if (pose.sequence != 0 && !pose.is_near) {
       std::uint32_t& last = last_pose_samples[pose.peer];
-      last = std::max(last, pose.sequence);
+      if (is_after(pose.sequence, last)) last = pose.sequence;
     }
     if (pose.links > 1) {
       take_link(pose, complaints);
@@ -102,6 +116,7 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
     }
   }
   take_promises(inbox, complaints);
+  forget_gone_movers();
   for (const auto& [name, mover] : inbox.movers) {
     const auto at = named.find(name);
     if (at == named.end()) continue;
@@ -173,6 +188,10 @@ void Session::Impl::take_header(const Channel::Header& header,
   const auto publisher = publishers.find(header.publisher);
   if (publisher != publishers.end() && publisher->second.serves(header.message.content_hash)) {
     const std::size_t refused_before = replicas.refused_count();
+    replicas.make_room_for(header.message, [this](const ContentHash& content) {
+      return std::any_of(publishers.begin(), publishers.end(),
+                         [&](const auto& entry) { return entry.second.announces(content); });
+    });
     stats.header_bytes += replicas.take_header(header, complaints);
     has_news |= replicas.refused_count() != refused_before;  // another content may be taken now
     return;

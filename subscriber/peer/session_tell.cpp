@@ -137,18 +137,22 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
     }
   }
   tell_bodies(now);
-  for (const auto& [name, model] : replicas.all()) {
-    if (now.models.size() == wire::kMaxModels) break;
-    if (model.is_tile) continue;
-    wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};
-    if (model.is_ready()) {
-      const SpmHeader& header = model.replica->header();
-      entry.faces = header.face_count;
-      entry.held_splits = model.replica->mesh().split_count();
-      entry.splits = header.split_count();
+  // Those of bodies that are here first: models stay when their bodies are gone, and in weeks they are more than can be told.
+  std::set<const PeerModel*> used;
+  for (const Body* body : present) used.insert(body->model);
+  for (const bool is_used : {true, false})
+    for (const auto& [name, model] : replicas.all()) {
+      if (now.models.size() == wire::kMaxModels) break;
+      if (model.is_tile || used.contains(&model) != is_used) continue;
+      wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};
+      if (model.is_ready()) {
+        const SpmHeader& header = model.replica->header();
+        entry.faces = header.face_count;
+        entry.held_splits = model.replica->mesh().split_count();
+        entry.splits = header.split_count();
+      }
+      now.models.push_back(std::move(entry));
     }
-    now.models.push_back(std::move(entry));
-  }
   for (const auto& [name, model] : replicas.all())  // as long as it lasts
     if (!model.conflict.empty())
       keeper.note("model " + name + ": " + model.conflict, clock.seconds());

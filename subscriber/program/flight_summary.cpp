@@ -8,10 +8,21 @@
 
 namespace nearmesh::subscriber::program {
 
-double Timings::quantile(double q) {
+void Timings::add(double seconds) {
+  if (added_++ % one_of_ != 0) return;
+  if (ms_.size() == kMost) {
+    for (std::size_t i = 0; 2 * i < kMost; ++i) ms_[i] = ms_[2 * i];
+    ms_.resize(kMost / 2);
+    one_of_ *= 2;
+  }
+  ms_.push_back(seconds * 1e3);
+}
+
+double Timings::quantile(double q) const {
   if (ms_.empty()) return 0;
-  std::sort(ms_.begin(), ms_.end());
-  return ms_[static_cast<std::size_t>(q * static_cast<double>(ms_.size() - 1) + 0.5)];
+  std::vector<double> sorted = ms_;
+  std::sort(sorted.begin(), sorted.end());
+  return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1) + 0.5)];
 }
 
 nlohmann::ordered_json to_json(Summary& s) {

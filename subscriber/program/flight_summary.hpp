@@ -3,6 +3,7 @@
 // What nearmesh-subscriber counts while it flies, and how it prints that at the end.
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -11,14 +12,19 @@
 
 namespace nearmesh::subscriber::program {
 
-// Milliseconds of one phase, frame by frame.
+// Milliseconds of one phase, frame by frame. Who flies for weeks has more frames than fit: then each second one is left out, of those before and
+// of those to come, and so on, so that those that are kept stand for the whole flight.
 class Timings {
  public:
-  void add(double seconds) { ms_.push_back(seconds * 1e3); }
-  [[nodiscard]] double quantile(double q);
+  void add(double seconds);
+  [[nodiscard]] double quantile(double q) const;
+  [[nodiscard]] std::size_t kept() const { return ms_.size(); }
+  static constexpr std::size_t kMost = 1U << 20;  // some five hours of 60 a second
 
  private:
-  std::vector<double> ms_;
+  std::vector<double> ms_;    // in the order of frames
+  std::uint64_t added_ = 0;   // frames
+  std::uint64_t one_of_ = 1;  // that many is kept
 };
 
 struct Summary {

@@ -85,7 +85,12 @@ std::vector<BodyId> Ros2Flight::fresh_bodies(const FrameReport& report, const Se
 }
 
 void Ros2Flight::show(const FrameReport& report, const Session& session) {
-  for (const BodyId body : report.went) bodies_.erase(body);
+  for (const BodyId body : report.went) {
+    bodies_.erase(body);
+    std::erase_if(pairs_, [body](const auto& entry) {
+      return entry.first.first == body || entry.first.second == body;
+    });
+  }
   for (const BodyId body : report.came) bodies_[body];
   if (!options_.ros2.is_wanted || clock_.seconds() - shown_s_ < 1 / kMostShown_hz) return;
   shown_s_ = clock_.seconds();
@@ -111,12 +116,11 @@ void Ros2Flight::show(const FrameReport& report, const Session& session) {
 }
 
 void Ros2Flight::add_marks(const PairAnswer& pair, const Session& session, Ros2View& view) {
-  const auto number =
-      pairs_.try_emplace({pair.a, pair.b}, static_cast<std::int32_t>(pairs_.size() + 1))
-          .first->second;
+  const auto [numbered, is_new] = pairs_.try_emplace({pair.a, pair.b});
+  if (is_new) numbered->second = ++numbered_;
   LineMark mark{.frame = options_.ros2.frame,
                 .name = session.name_of(pair.a) + " " + session.name_of(pair.b),
-                .id = number};
+                .id = numbered->second};
   const SpmHeader *a = session.header_of(pair.a), *b = session.header_of(pair.b);
   if (a != nullptr && b != nullptr)
     mark.width_m = line_width_m(std::min(a->grid.exponent, b->grid.exponent));

@@ -50,6 +50,7 @@ class Ros2Flight {
   std::map<std::size_t, std::size_t> moved_;  ///< place in the scene: place in --ros2-poses
   std::map<BodyId, Shown> bodies_;
   std::map<std::pair<BodyId, BodyId>, std::int32_t> pairs_;  ///< numbers of markers
+  std::int32_t numbered_ = 0;
   std::int64_t heard_stamp_ns_ = 0;
   std::uint32_t next_mesh_ = 0;  ///< bodies have their turn
   const Stopwatch clock_{};

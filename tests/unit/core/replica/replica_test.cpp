@@ -351,6 +351,34 @@ TEST_F(ReplicaAudit, NamesWhoLiedWhoeverProves) {
   EXPECT_FALSE(replica_.distrusts(kHonest));
 }
 
+// A publisher that is started anew is another one: in weeks there are more than can be told apart at a time.
+TEST_F(ReplicaAudit, NamesWhoLiedAfterManyPublishersThatAreGone) {
+  SplitBatch first = told(false);
+  first.splits.resize(1);
+  for (std::uint64_t publisher = 100; publisher < 100 + 2 * kManyTellers; ++publisher)
+    ASSERT_TRUE(replica_.take(first, publisher).status.is_ok());
+  ASSERT_TRUE(replica_.take(told(true), kLiar).status.is_ok());
+  expect_forgotten(audit(turned_, kHonest), kLiar);
+}
+
+// Each of whom told of something that is here.
+TEST_F(ReplicaAudit, NamesNobodyWhereMoreToldThanAreToldApart) {
+  const SplitBatch all = told(true);
+  ASSERT_GT(all.splits.size(), kManyTellers + 2U);
+  SplitBatch one = all, lie = all;
+  for (std::size_t i = 0; i < all.splits.size(); ++i) {
+    const bool is_lie = all.splits[i].split == turned_;
+    (is_lie ? lie : one).splits.assign(1, all.splits[i]);
+    if (is_lie) continue;
+    ASSERT_TRUE(replica_.take(one, 100 + i).status.is_ok());
+  }
+  ASSERT_TRUE(replica_.take(lie, kLiar).status.is_ok());
+  expect_forgotten(audit(turned_, kHonest), 0);
+  // All is given up, so numbers are spare again.
+  ASSERT_TRUE(replica_.take(all, kLiar).status.is_ok());
+  expect_forgotten(audit(turned_, kHonest), kLiar);
+}
+
 TEST_F(ReplicaAudit, BlamesTheTellerOfASplitNotOfItsParent) {
   SplitBatch lie = told(true);
   // The liar's splits wait for the first, which the honest one tells.

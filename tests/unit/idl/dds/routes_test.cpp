@@ -58,6 +58,28 @@ TEST(Routes, WhatAStrangerWantsInAPeersNameDisplacesNothing) {
   EXPECT_FALSE(routes.gets_near_poses(near_of(3), peer));
 }
 
+// Movers come and go for weeks: what is wanted of one that comes then goes to nobody else all the same.
+TEST(Routes, WhoComesAfterManyThatAreGoneIsFound) {
+  Routes routes(kPeer);
+  const auto there = participant(1), gone = participant(2);
+  for (SessionId mover = 1; mover <= 2 * Routes::kMaxPeers; ++mover) {
+    routes.find(kMover + mover, gone);
+    routes.lose(gone);
+  }
+  routes.find(kMover, there);
+  const std::vector<std::uint8_t> wish = bytes_of(wish_for({3}));
+  EXPECT_TRUE(routes.gets_wanted_poses(wish, there));
+  EXPECT_FALSE(routes.gets_wanted_poses(wish, gone));
+  routes.lose(gone);
+  EXPECT_FALSE(routes.gets_wanted_poses(wish, gone));
+  routes.lose(there);
+  EXPECT_TRUE(routes.gets_wanted_poses(wish, gone));  // nobody knows where it is
+  // Of one that spoke through more participants than are kept each gets what is for it.
+  for (std::uint8_t n = 10; n < 20; ++n) routes.find(kMover, participant(n));
+  routes.lose(participant(10));
+  EXPECT_TRUE(routes.gets_wanted_poses(wish, participant(19)));
+}
+
 TEST(Routes, SessionsOfOneParticipantWantEachTheirOwn) {
   Routes routes(kMover);
   const auto host = participant(1);

@@ -319,5 +319,91 @@ TEST(Ur5, NoFrameMixesInstantsAndAnswersAreOfOne) {
   EXPECT_GT(answers, 1000U);
 }
 
+/// What comes is the test's.
+class Scripted final : public subscriber::Channel {
+ public:
+  explicit Scripted(Inbox& next) : next_(next) {}
+  [[nodiscard]] wire::SessionId own_id() const override { return kLooker; }
+  void send(const wire::RegionSubscription&) override {}
+  void send(const wire::BodyPoses&) override {}
+  void send(const wire::BodyDirectory&) override {}
+  void send(const wire::ContactReport&) override {}
+  [[nodiscard]] Inbox take() override { return std::exchange(next_, {}); }
+
+ private:
+  Inbox& next_;
+};
+
+/// One that looks at the two links of a robot, whatever else is there.
+struct LookerAtARobot {
+  LookerAtARobot() {
+    for (const char* name : {"arm/0", "arm/1"})
+      links.push_back(session.add_body({.name = name, .model = "aircraft"}).value());
+  }
+  /// At an instant, the numbers of whose samples these are.
+  void say(double instant_s, std::uint32_t sequence, std::uint32_t next) {
+    for (const std::uint32_t number : {0U, 1U}) {
+      wire::BodyPose pose{.peer = kRobotMover,
+                          .body = "arm/" + std::to_string(number),
+                          .time_s = instant_s,
+                          .number = number,
+                          .sequence = number == 0 ? sequence : next,
+                          .links = 2,
+                          .first_link = 0};
+      pose.pose.translation_m = {instant_s, 0, 0};
+      inbox.poses.push_back(pose);
+    }
+  }
+  void update() {
+    ASSERT_TRUE(session.update(frame, static_cast<double>(frame), {}, 1).is_ok());
+    ++frame;
+  }
+  [[nodiscard]] double seen_s(std::size_t link) const {
+    const auto motion = session.motion_of(links[link]);
+    return motion ? motion->pose.translation_m[0] : -1;
+  }
+
+  subscriber::Channel::Inbox inbox;
+  Session session{std::make_unique<Scripted>(inbox), test::quick_options()};
+  std::vector<BodyId> links;
+  std::uint64_t frame = 0;
+};
+
+// 10,000 bodies take 2^32 samples in a day. 0 is no number, so 1 follows the highest.
+TEST(LinksOfWeeks, NumbersOfSamplesBeginAnewWhereTheyEnd) {
+  LookerAtARobot looker;
+  constexpr std::uint32_t kHighest = 0xffffffffU;
+  double instant_s = 0;
+  for (const std::uint32_t sequence : {kHighest - 3, kHighest - 1, kHighest, 2U, 4U}) {
+    instant_s += 1;
+    looker.say(instant_s, sequence, sequence == kHighest ? 1 : sequence + 1);
+    looker.update();
+    for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), instant_s) << sequence;
+  }
+  looker.say(0.5, kHighest - 5, kHighest - 4);  // late
+  looker.update();
+  EXPECT_EQ(looker.seen_s(0), instant_s);
+}
+
+// Of robots that are not looked at nobody tells a session that they are gone.
+TEST(LinksOfWeeks, ARobotThatComesAfterManyOthersIsHeard) {
+  LookerAtARobot looker;
+  std::uint32_t others = 0;
+  const auto hear_others = [&] {
+    for (int i = 0; i < 5000; ++i)
+      looker.inbox.poses.push_back(
+          {.peer = 1000 + ++others, .body = "other", .time_s = 1, .sequence = 1, .links = 2});
+    looker.update();
+  };
+  for (int day = 0; day < 3; ++day) hear_others();
+  looker.say(1, 11, 12);
+  looker.update();
+  for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), 1);
+  hear_others();
+  looker.say(0.5, 1, 2);  // late: what is known of a robot that is looked at stays known
+  looker.update();
+  for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), 1);
+}
+
 }  // namespace
 }  // namespace nearmesh

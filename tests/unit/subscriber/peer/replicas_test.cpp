@@ -54,5 +54,28 @@ TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToASize) {
   EXPECT_TRUE(is_kept(replicas, 30));
 }
 
+// Weeks bring many contents that nobody serves any more: those that are there now shall find room, and the others stay as long as there is some.
+TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
+  ReplicaSet replicas;
+  std::vector<std::string> complaints;
+  const auto take = [&](std::uint64_t number, std::uint64_t first_served) {
+    const Channel::Header header = header_of(number, 100);
+    replicas.make_room_for(header.message, [&](const ContentHash& content) {
+      return content.low >= first_served || content.low == 1;
+    });
+    static_cast<void>(replicas.take_header(header, complaints));
+  };
+  constexpr std::uint64_t kMost = wire::kMaxModels, kLast = 3 * kMost;
+  for (std::uint64_t number = 1; number <= kLast; ++number) take(number, number);
+  EXPECT_FALSE(is_kept(replicas, 2));
+  EXPECT_FALSE(is_kept(replicas, kLast - kMost + 1));
+  EXPECT_TRUE(is_kept(replicas, kLast - kMost + 2));
+  EXPECT_TRUE(is_kept(replicas, kLast));
+  EXPECT_TRUE(is_kept(replicas, 1));  // is served
+  for (std::uint64_t number = kLast + 1; number <= kLast + kMost; ++number) take(number, 0);
+  EXPECT_TRUE(is_kept(replicas, kLast + 3));
+  EXPECT_FALSE(is_kept(replicas, kLast + 4));  // all are served
+}
+
 }  // namespace
 }  // namespace nearmesh::subscriber

@@ -955,6 +955,21 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   EXPECT_EQ(world.bus.reports.size(), sent);
 }
 
+// In weeks there were bodies of more models than a status has room for.
+TEST(Session, TheStatusTellsOfTheModelsOfBodiesThatAreHere) {
+  World world;
+  Session session(world.bus.make_peer(kPeer), quick_options());
+  for (std::size_t i = 0; i < wire::kMaxModels; ++i) {
+    const auto body = session.add_body({.name = "body", .model = "of day " + std::to_string(i)});
+    ASSERT_TRUE(session.remove_body(body.value()).is_ok());
+  }
+  ASSERT_TRUE(session.add_body({.name = "body", .model = "of today"}).is_ok());
+  ASSERT_TRUE(session.update(0, 0, {}, 1).is_ok());
+  const auto& models = session.status().models;
+  ASSERT_EQ(models.size(), wire::kMaxModels);
+  EXPECT_EQ(models.front().name, "of today");
+}
+
 TEST(Session, NoUpdateTakesLong) {
   // Polled by a host: even an inbox full of batches is left for later once the budget is spent.
   World world;

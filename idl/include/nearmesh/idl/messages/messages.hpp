@@ -120,7 +120,7 @@ struct BodyPoses {
   std::uint32_t part = 0;
   std::uint64_t frame = 0;
   std::uint32_t sequence =
-      0;  ///< counts up per peer, over all parts, from 1; 0: it does not count, and nothing that rests on it can be proved
+      0;  ///< counts up per peer, over all parts, from 1, and after the highest from 1 again; 0: it does not count, and nothing that rests on it can be proved
   struct Body {
     std::uint32_t number = 0;
     double time_s = 0;  ///< of the pose, on the exercise's clock
