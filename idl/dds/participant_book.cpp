@@ -27,7 +27,8 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .sequence = message.announcement->sequence,
                 .handed_on_s = {},
                 .has_spoken = false,
-                .ports = {}};
+                .ports = {},
+                .begun = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
     return std::nullopt;
@@ -65,6 +66,27 @@ bool ParticipantBook::repeats(const RtpsVerdict& message) {
   if (handed_on_s && now_s_ - *handed_on_s < kRepeat_s) return true;
   handed_on_s = now_s_;
   return false;
+}
+
+void ParticipantBook::hold_back(RtpsVerdict& message) {
+  const auto at = known_.find(message.source);
+  Known* const known = at != known_.end() ? &at->second : nullptr;
+  if (known != nullptr && message.tells_of_endpoints) known->begun.clear();
+  for (const RtpsBeginning& one : message.far_beginnings) {
+    std::int64_t handed_on = kFarBeginning;
+    if (known != nullptr &&
+        (known->begun.contains(one.writer) || known->begun.size() < kMaxBegun)) {
+      std::int64_t& begun = known->begun.try_emplace(one.writer, kFarBeginning).first->second;
+      const std::int64_t leap =
+          std::clamp(one.first - begun, std::int64_t{0}, static_cast<std::int64_t>(leap_tokens_));
+      leap_tokens_ -= static_cast<double>(leap);
+      begun += leap;
+      handed_on = begun;
+    }
+    if (handed_on < one.first) message.change_sequence(one.first_at, handed_on, one.little_endian);
+  }
+  // What was counted before an endpoint was told of was another's.
+  if (known != nullptr && message.tells_of_endpoints) known->begun.clear();
 }
 
 bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const {
@@ -114,6 +136,7 @@ void ParticipantBook::tick(double seconds) {
   now_s_ += seconds;
   tokens_ = std::min(kBurst, tokens_ + kNewcomersPerSecond * seconds);
   again_tokens_ = std::min(kBurst, again_tokens_ + kNewcomersPerSecond * seconds);
+  leap_tokens_ = std::min(kLeapBurst, leap_tokens_ + kLeapsPerSecond * seconds);
   const auto leaves = [this](const auto& entry) { return has_left(entry.second); };
   // All memory first: nobody is forgotten whose end is not told.
   gone_.reserve(gone_.size() +

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
@@ -20,7 +21,7 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// Five rules:
+/// Six rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
 ///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
@@ -34,6 +35,9 @@ struct MessageSource {
 ///   for each participant that it hears of, by two ways: where n come at once, each is told n^2 times what it knows, and reads it all.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
+/// * **Who has long spoken.** Where a heartbeat begins far beyond what was handed on of its writer, Fast DDS counts up to there, and
+///   one of its threads hears nothing meanwhile. kLeapBurst numbers may be counted at once, then kLeapsPerSecond; the rest comes with
+///   later heartbeats.
 /// Threads: one at a time.
 class ParticipantBook {
  public:
@@ -47,6 +51,9 @@ class ParticipantBook {
   static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
   static constexpr double kOnlyAnnounced_s = 60;
   static constexpr std::size_t kMaxKnown = 4096;
+  static constexpr double kLeapBurst = 1 << 22;  ///< of all participants; 0.9 s of counting
+  static constexpr double kLeapsPerSecond = 1 << 22;
+  static constexpr std::size_t kMaxBegun = 64;  ///< writers of one participant that begin far
 
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
@@ -54,6 +61,9 @@ class ParticipantBook {
 
   /// A message that hear() took says what was handed on just now, and nothing else. If not, it is to be handed on.
   [[nodiscard]] bool repeats(const RtpsVerdict& message);
+
+  /// Of a message that hear() took: changes where its heartbeats begin, if that is too far. May throw std::bad_alloc.
+  void hold_back(RtpsVerdict& message);
 
   struct Gone {
     ParticipantKey key;
@@ -82,6 +92,8 @@ class ParticipantBook {
     std::optional<double> handed_on_s;  ///< with that sequence number
     bool has_spoken = false;            ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
+    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
+    std::map<std::uint32_t, std::int64_t> begun;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
   [[nodiscard]] bool has_left(const Known& known) const;
@@ -93,6 +105,7 @@ class ParticipantBook {
       barred_;  ///< some bytes for each that ever had a certificate
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
+  double leap_tokens_ = kLeapBurst;
   std::unordered_map<ParticipantKey, double, ParticipantKeyHash> waiting_;  ///< since when
   std::deque<ParticipantKey>
       waiting_order_;  ///< all of these, and such as are not waiting any more

@@ -168,7 +168,7 @@ struct Submessages {
       case kAckNack:
         return read_ack_nack(in);
       case kHeartbeat:
-        return read_heartbeat(in);
+        return read_heartbeat(in, little_endian);
       case kGap:
         return read_gap(in, little_endian);
       case kNackFragment:
@@ -223,23 +223,15 @@ struct Submessages {
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
-  static Refusal read_heartbeat(Cursor& in) {
-    in.skip(8);
+  Refusal read_heartbeat(Cursor& in, bool little_endian) {
+    in.skip(4);
+    const std::uint32_t writer = in.big_u32();
+    const std::size_t first_at = body_at + in.at();
     const std::int64_t first = in.sequence(), last = in.sequence();
     if (!is_sequence(first) || last < first - 1 || last > kMaxSequence) return of_sequence(in);
+    if (first > kFarBeginning)
+      verdict.far_beginnings.push_back({writer, first, first_at, little_endian});
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
-  }
-
-  void change(std::size_t at, std::uint32_t number, bool little_endian) {
-    for (std::uint32_t i = 0; i < 4; ++i)
-      verdict.changes.push_back(
-          {static_cast<std::uint32_t>(at) + i,
-           static_cast<std::uint8_t>(number >> (8 * (little_endian ? i : 3 - i)))});
-  }
-  void change_sequence(std::size_t at, std::int64_t number, bool little_endian) {
-    const auto bits = static_cast<std::uint64_t>(number);
-    change(at, static_cast<std::uint32_t>(bits >> 32), little_endian);
-    change(at + 4, static_cast<std::uint32_t>(bits), little_endian);
   }
 
   Refusal read_gap(Cursor& in, bool little_endian) {
@@ -262,10 +254,10 @@ struct Submessages {
         (std::uint64_t{spread} * static_cast<std::uint64_t>(parts)) >> 32);
     const std::int64_t from = start + part * kMaxGap;
     verdict.is_cut_gap = true;
-    change_sequence(start_at, from, little_endian);
+    verdict.change_sequence(start_at, from, little_endian);
     if (part == parts - 1) return;  // and what is behind it
-    change_sequence(start_at + 8, from + kMaxGap, little_endian);
-    change(start_at + 16, 0, little_endian);  // no bits
+    verdict.change_sequence(start_at + 8, from + kMaxGap, little_endian);
+    verdict.change(start_at + 16, 0, little_endian);  // no bits
   }
 
   static Refusal read_nack_fragment(Cursor& in) {
@@ -359,7 +351,8 @@ struct Submessages {
     if (fragments > kMaxFragments || in.left() < expected) return DoorRefusal::kFragments;
     // In all fragments alike, so that the first that comes takes memory enough.
     const std::uint64_t link_end = ((fragments - 1) * size + 3) / 4 * 4 + kLinkBytes;
-    if (link_end > total) change(total_at, static_cast<std::uint32_t>(link_end), little_endian);
+    if (link_end > total)
+      verdict.change(total_at, static_cast<std::uint32_t>(link_end), little_endian);
     verdict.has_fragments = true;
     if (!is_discovery(writer)) return kNone;
     // Looked at as a whole, or not at all.
@@ -384,6 +377,7 @@ struct Submessages {
       case kSecureWriters:
       case kSecureReaders: {
         verdict.tells_of_others |= !qos.is_of_source;
+        verdict.tells_of_endpoints = true;
         if (payload.empty()) return kNone;
         const auto little_endian = parameter_order(payload);
         if (!little_endian) return DoorRefusal::kParameters;
@@ -503,6 +497,18 @@ struct Submessages {
 
 std::size_t ParticipantKeyHash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
+}
+
+void RtpsVerdict::change(std::size_t at, std::uint32_t number, bool little_endian) {
+  for (std::uint32_t i = 0; i < 4; ++i)
+    changes.push_back({static_cast<std::uint32_t>(at) + i,
+                       static_cast<std::uint8_t>(number >> (8 * (little_endian ? i : 3 - i)))});
+}
+
+void RtpsVerdict::change_sequence(std::size_t at, std::int64_t number, bool little_endian) {
+  const auto bits = static_cast<std::uint64_t>(number);
+  change(at, static_cast<std::uint32_t>(bits >> 32), little_endian);
+  change(at + 4, static_cast<std::uint32_t>(bits), little_endian);
 }
 
 RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn) {

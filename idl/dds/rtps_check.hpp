@@ -30,6 +30,9 @@ struct ParticipantKeyHash {
 inline constexpr std::int64_t kMaxSequence = std::int64_t{1} << 45;
 /// Numbers that one gap may declare void: Fast DDS takes each by itself, with its locks held.
 inline constexpr std::int64_t kMaxGap = 1 << 16;
+/// Above this the number that a heartbeat begins with is told (RtpsBeginning). Fast DDS counts up to it one by one with its reader
+/// locked, some 0.2 us each where it asserts: to the largest that there may be, for months.
+inline constexpr std::int64_t kFarBeginning = 1 << 20;
 /// Of a sample in fragments: its memory is taken with the first of them.
 inline constexpr std::uint32_t kMaxFragmentedBytes = 256U << 20;
 /// Fast DDS keeps a list of the missing ones at their beginnings, which in shorter ones would be overwritten by what comes, and walks
@@ -83,6 +86,14 @@ struct RtpsConfirmation {
   std::int64_t next = 0;  ///< all below
 };
 
+/// Where a writer's numbers begin, as a heartbeat says.
+struct RtpsBeginning {
+  std::uint32_t writer = 0;
+  std::int64_t first = 0;
+  std::size_t first_at = 0;  ///< of its 8 bytes in the message
+  bool little_endian = true;
+};
+
 /// A byte that is another in the message that is handed on.
 struct RtpsChange {
   std::uint32_t at = 0;
@@ -106,13 +117,17 @@ struct RtpsVerdict {
   bool introduces = false;
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
+  bool tells_of_endpoints = false;                                 ///< of whomever
   std::array<std::optional<RtpsConfirmation>, 2> confirmations{};  ///< of either writer, the last
+  std::vector<RtpsBeginning> far_beginnings;                       ///< above kFarBeginning
   /// What Fast DDS must not see as it came; few messages of lawful programs have any:
   /// * Descriptions of types with an endpoint's discovery become padding. Fast DDS 2.9 builds types of them, and follows a null
   ///   pointer where one is malformed. Endpoints match by their type's name.
   /// * Of a gap above kMaxGap a part of that length is left. Other heartbeats bring the other parts.
   /// * A sample whose last fragment is so short that its place in the list of missing ones lies behind it becomes some bytes longer.
   std::vector<RtpsChange> changes;
+  void change(std::size_t at, std::uint32_t number, bool little_endian);
+  void change_sequence(std::size_t at, std::int64_t number, bool little_endian);
   bool is_cut_gap = false;     ///< one of these changes
   bool has_fragments = false;  ///< and needs room behind it (RtpsCopy)
   /// Where another participant's word begins, which is to be judged by itself (rtps_of_next_speaker). 0: nowhere.
@@ -121,7 +136,7 @@ struct RtpsVerdict {
       destination{};  ///< of what comes there, unless it says so. Zeros: whoever hears it
 };
 
-/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation but for changes.
+/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation but for changes and far beginnings.
 /// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws std::bad_alloc.
 [[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
 

@@ -100,19 +100,19 @@ void write_rtps_seeds() {
                          .encapsulation(1)
                          .u32(7)
                          .end());
-  write_rtps("fragment", message()
-                             .begin(0x16)
-                             .u16(0)
-                             .u16(28)
-                             .entity(0)
-                             .entity(0x103)
-                             .sequence(1)
-                             .u32(1)
-                             .u16(1)
-                             .u16(8)
-                             .u32(20)
-                             .zeros(8)
-                             .end());
+  write_rtps("fragment", message().fragments(1, 1, 8, 20, 8));
+  write_rtps("fragments_of_other_sizes",
+             message().fragments(1, 2, 100, 350, 200).fragments(3, 1, 99, 201, 3));
+  write_rtps("fragments_too_short", message().fragments(1, 2, 3, 9, 6));
+  write_rtps("fragments_of_a_key", message().fragments(1, 1, 8, 20, 8, 0x103, 4));
+  write_rtps("types", message()
+                          .announcement()
+                          .begin_endpoint(true, "topic", "type")
+                          .malformed_type()
+                          .finish_announcement());
+  write_rtps("long_gap", message().gap(5, 1 << 20, 8));
+  write_rtps("far_heartbeat", message().heartbeat(1 << 30, 1 << 30));
+  write_rtps("speakers", message().announcement().speaker(other).announcement());
   write_rtps("handshake", message()
                               .begin_data(0x000201c4, test::kHandshakeWriter, 1, 4)
                               .encapsulation(1)

@@ -159,6 +159,35 @@ class Rtps {
     begin_parameter(0x0071).u8(0).u8(0).u8(0).u8(3).end_parameter();
     return sentinel().end();
   }
+  /// What a participant says of an endpoint of its own, up to its own parameters; close with finish_announcement().
+  Rtps& begin_endpoint(bool is_writer, const std::string& topic, const std::string& type,
+                       std::int64_t number = 1) {
+    begin_data(is_writer ? 0x000003c7 : 0x000004c7,
+               is_writer ? kPublicationsWriter : kSubscriptionsWriter, number, 4)
+        .encapsulation(3);
+    begin_parameter(0x5a).guid(is_writer ? 0x103 : 0x104).end_parameter();
+    begin_parameter(0x05).text(topic).end_parameter();
+    return begin_parameter(0x07).text(type).end_parameter();
+  }
+  /// The type of an endpoint, a union by the kind of a type that nobody knows: Fast DDS 2.9 follows a null pointer there.
+  Rtps& malformed_type() {
+    constexpr std::uint8_t kComplete = 0xf2, kUnion = 0x52;
+    begin_parameter(0x69).encapsulation(1).u8(kComplete).zeros(15).end_parameter();
+    begin_parameter(0x72).encapsulation(1).u8(kComplete).u8(kUnion).zeros(24);
+    return u8(kComplete).zeros(33).u32(1).zeros(60).end_parameter();  // its kind; one member
+  }
+  /// Of a sample: `count` fragments of `size` bytes, from the `first` on. Flags: 2 inline QoS follow, 4 key.
+  Rtps& fragments(std::uint32_t first, std::uint16_t count, std::uint16_t size, std::uint32_t total,
+                  std::size_t held, std::uint32_t writer = 0x103, std::uint8_t flags = 0,
+                  std::uint32_t reader = 0, std::int64_t number = 1) {
+    begin(0x16, static_cast<std::uint8_t>(1 | flags)).u16(0).u16(28).entity(reader).entity(writer);
+    return sequence(number).u32(first).u16(count).u16(size).u32(total).zeros(held).end();
+  }
+  /// What follows is another participant's word.
+  Rtps& speaker(const Key& key, std::uint16_t vendor = 0x0110) {
+    key_ = key;
+    return begin(0x0c).u32(0).u8(2).u8(3).big16(vendor).add(key).end();
+  }
   /// As Fast DDS writes it, last.
   Rtps& statistics() { return u8(0x80).u8(0).big16(56).zeros(56); }
 

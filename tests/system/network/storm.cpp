@@ -289,47 +289,44 @@ class Storm {
   }
 
   void add_endpoint(Rtps& packet, bool is_writer) {
-    packet
-        .begin_data(is_writer ? 0x000003c7U : 0x000004c7U,
-                    is_writer ? kPublicationsWriter : kSubscriptionsWriter, below(5) + 1, 4)
-        .encapsulation(3);
-    packet.begin_parameter(0x5a).guid(is_writer ? 0x103U : 0x104U).end_parameter();
-    packet.begin_parameter(0x05).text(chance(2) ? "nearmesh/body_poses" : "x").end_parameter();
-    packet.begin_parameter(0x07).text("nearmesh::wire_types::BodyPosesSample").end_parameter();
+    packet.begin_endpoint(is_writer, chance(2) ? "nearmesh/body_poses" : "x",
+                          "nearmesh::wire_types::BodyPosesSample", below(5) + 1);
+    if (chance(2)) packet.malformed_type();
     add_parameters(packet);
     packet.sentinel().end();
   }
 
-  void add_fragment(Rtps& packet) {
-    const std::size_t bytes = below(400);
-    packet.begin(0x16, static_cast<std::uint8_t>(1 | (below(4) << 1)))
-        .u16(0)
-        .u16(28)
-        .entity(entity())
-        .entity(entity())
-        .sequence(number())
-        .u32(some_word())
-        .u16(static_cast<std::uint16_t>(below(4)))
-        .u16(static_cast<std::uint16_t>(some_word()))
-        .u32(some_word())
-        .zeros(bytes)
-        .align()
-        .end();
+  /// Half of them are all right but for their sizes, so that these are looked at.
+  void add_fragments(Rtps& packet) {
+    if (chance(2)) {
+      static constexpr std::uint16_t kSizes[] = {1, 2, 3, 7, 8, 9, 100, 400, 0xffff};
+      const std::uint16_t size = kSizes[pick(std::size(kSizes))];
+      packet.fragments(below(3) + 1, static_cast<std::uint16_t>(below(3) + 1), size,
+                       4U * size + below(9), 4U * below(300), entity(),
+                       static_cast<std::uint8_t>(chance(4) ? below(4) << 1 : 0), entity(),
+                       below(50) + 1);
+    } else {
+      packet.fragments(some_word(), static_cast<std::uint16_t>(below(4)),
+                       static_cast<std::uint16_t>(some_word()), some_word(), 4U * below(100),
+                       entity(), static_cast<std::uint8_t>(below(4) << 1), entity(), number());
+    }
   }
 
   RtpsBytes built() {
     Rtps packet(speaker(), chance(8) ? 0x0110 : 0x010f);
     for (std::uint32_t left = below(5) + 1; left > 0; --left) {
-      switch (below(13)) {
+      switch (below(14)) {
         case 0:
           packet.to(chance(4) ? speaker() : keys_[pick(keys_.size())]);
           break;
         case 1:
           packet.timestamp();
           break;
-        case 2:
-          packet.heartbeat(number(), number(), some_word(), entity(), entity());
+        case 2: {
+          const std::int64_t first = number();
+          packet.heartbeat(first, chance(2) ? first : number(), some_word(), entity(), entity());
           break;
+        }
         case 3:
           packet.ack_nack(number(), below(300), some_word(), entity(), entity());
           break;
@@ -341,7 +338,7 @@ class Storm {
           add_data(packet);
           break;
         case 7:
-          add_fragment(packet);
+          add_fragments(packet);
           break;
         case 8:
           packet.begin_announcement(below(4) + 1);
@@ -362,6 +359,9 @@ class Storm {
           packet.end();
           break;
         }
+        case 12:
+          packet.speaker(speaker());
+          break;
         default:
           packet.begin(static_cast<std::uint8_t>(0x30 + below(5)));
           for (std::uint32_t words = below(16); words > 0; --words) packet.u32(some_word());

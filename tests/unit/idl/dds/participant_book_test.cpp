@@ -245,6 +245,49 @@ TEST_F(ParticipantBookTest, WhoAnnouncesItselfRarelyMaySayNothingForLonger) {
   EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
 }
 
+/// Where a heartbeat of a participant's writer that begins there is to begin.
+std::int64_t begins(ParticipantBook& book, std::uint32_t number, std::int64_t first,
+                    std::uint32_t writer = 0x103, bool tells_of_endpoints = false) {
+  nearmesh::test::Rtps m(participant_key(number));
+  RtpsVerdict word = check_rtps(m.heartbeat(first, first, 1, 0, writer).bytes);
+  EXPECT_EQ(word.far_beginnings.size(), 1U);
+  word.tells_of_endpoints = tells_of_endpoints;
+  EXPECT_FALSE(book.hear(word, kHome));
+  book.hold_back(word);
+  RtpsCopy copy;
+  const RtpsVerdict passed = check_rtps(copy.of(m.bytes, word));
+  return passed.far_beginnings.empty() ? kFarBeginning : passed.far_beginnings[0].first;
+}
+
+// One such packet would have a thread of Fast DDS count for months.
+TEST_F(ParticipantBookTest, HeartbeatsThatBeginFarAreHeldBack) {
+  constexpr auto kBurst = static_cast<std::int64_t>(ParticipantBook::kLeapBurst);
+  constexpr auto kPerSecond = static_cast<std::int64_t>(ParticipantBook::kLeapsPerSecond);
+  EXPECT_EQ(begins(book, 1, kMaxSequence), kFarBeginning);  // unknown: nobody counts
+  ASSERT_TRUE(hears(announcement_of(1)));
+  EXPECT_EQ(begins(book, 1, kFarBeginning + 1000), kFarBeginning + 1000);
+  EXPECT_EQ(begins(book, 1, kMaxSequence), kFarBeginning + kBurst);
+  EXPECT_EQ(begins(book, 1, kMaxSequence), kFarBeginning + kBurst);
+  EXPECT_EQ(begins(book, 1, kMaxSequence, 0x203), kFarBeginning);  // from the same budget
+  static_cast<void>(pass(1, {1}));
+  EXPECT_EQ(begins(book, 1, kMaxSequence), kFarBeginning + kBurst + kPerSecond);
+  // What was handed on is free.
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst), kFarBeginning + kBurst);
+  // Who is told of the endpoint anew counts anew, so it is not.
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst, 0x103, true), kFarBeginning);
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst), kFarBeginning);
+  static_cast<void>(pass(3, {1}));
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst), kFarBeginning + kBurst);
+}
+
+TEST_F(ParticipantBookTest, OfCountlessWritersNoneBeginsFar) {
+  ASSERT_TRUE(hears(announcement_of(1)));
+  for (std::uint32_t i = 0; i < ParticipantBook::kMaxBegun; ++i)
+    EXPECT_EQ(begins(book, 1, kFarBeginning + 1, 0x100 * (i + 1) + 3), kFarBeginning + 1);
+  EXPECT_EQ(begins(book, 1, kFarBeginning + 1, 0xffff03), kFarBeginning);
+  EXPECT_EQ(begins(book, 1, kFarBeginning + 2, 0x103), kFarBeginning + 2);
+}
+
 TEST_F(ParticipantBookTest, BarredIsNotHeardAgain) {
   ASSERT_TRUE(hears(announcement_of(1, 20, 7)));
   ASSERT_TRUE(hears(announcement_of(2)));

@@ -55,13 +55,6 @@ std::function<void(Rtps&)> sample(std::uint8_t flags, std::function<void(Rtps&)>
   };
 }
 
-void write_fragment(Rtps& m, std::uint32_t first, std::uint16_t count, std::uint16_t size,
-                    std::uint32_t total, std::size_t bytes, std::uint32_t writer = 0x00000103,
-                    std::uint8_t flags = 1) {
-  m.begin(0x16, flags).u16(0).u16(28).entity(0).entity(writer).sequence(1);
-  m.u32(first).u16(count).u16(size).u32(total).zeros(bytes).end();
-}
-
 /// As far as a list of so many tokens' class.
 void write_handshake(Rtps& m, std::uint32_t tokens) {
   m.begin_data(0x000201c4, nearmesh::test::kHandshakeWriter, 1, 4)
@@ -76,7 +69,7 @@ const std::vector<Case> kCases{
      [](Rtps& m) {
        m.to(nearmesh::test::key_of(2)).timestamp().heartbeat(1, 9).ack_nack(4, 33).gap(3, 5, 8);
        sample(4, [](Rtps& s) { s.encapsulation(1).zeros(9).align(); })(m);
-       write_fragment(m, 1, 1, 100, 250, 100);
+       m.fragments(1, 1, 100, 250, 100);
        m.statistics();
      }},
     {"EmptyStream", "", [](Rtps& m) { m.heartbeat(1, 0); }},
@@ -129,34 +122,32 @@ const std::vector<Case> kCases{
     {"DataOfNumberNone", "sequence",
      [](Rtps& m) { m.begin_data(0, 0x103, 0, 4).encapsulation(1).end(); }},
 
-    {"FragmentNone", "fragments", [](Rtps& m) { write_fragment(m, 0, 1, 100, 250, 100); }},
-    {"FragmentsOfNothing", "fragments", [](Rtps& m) { write_fragment(m, 1, 1, 0, 250, 100); }},
-    {"FragmentBeyondTheSample", "fragments",
-     [](Rtps& m) { write_fragment(m, 4, 1, 100, 250, 100); }},
-    {"FragmentThatIsNotThere", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 2, 100, 250, 100); }},
+    {"FragmentNone", "fragments", [](Rtps& m) { m.fragments(0, 1, 100, 250, 100); }},
+    {"FragmentsOfNothing", "fragments", [](Rtps& m) { m.fragments(1, 1, 0, 250, 100); }},
+    {"FragmentBeyondTheSample", "fragments", [](Rtps& m) { m.fragments(4, 1, 100, 250, 100); }},
+    {"FragmentThatIsNotThere", "fragments", [](Rtps& m) { m.fragments(1, 2, 100, 250, 100); }},
     {"SampleOfFourGigabytes", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 0xffffffff, 100); }},
-    {"ShortFragments", "fragments", [](Rtps& m) { write_fragment(m, 1, 1, 4, 250, 4); }},
+     [](Rtps& m) { m.fragments(1, 1, 100, 0xffffffff, 100); }},
+    {"ShortFragments", "fragments", [](Rtps& m) { m.fragments(1, 1, 4, 250, 4); }},
     {"FragmentsOfAKey", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, 0x00000103, 5); }},
+     [](Rtps& m) { m.fragments(1, 1, 100, 250, 100, 0x00000103, 4); }},
     {"CountlessFragmentsAtOnce", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, kMaxFragmentsAtOnce + 1, 8, 4000, 1000); }},
+     [](Rtps& m) { m.fragments(1, kMaxFragmentsAtOnce + 1, 8, 4000, 1000); }},
     {"SampleOfCountlessFragments", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 8, 8 * kMaxFragments + 8, 8); }},
+     [](Rtps& m) { m.fragments(1, 1, 8, 8 * kMaxFragments + 8, 8); }},
     {"EndpointInFragments", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, nearmesh::test::kPublicationsWriter); }},
+     [](Rtps& m) { m.fragments(1, 1, 100, 250, 100, nearmesh::test::kPublicationsWriter); }},
     {"LastPartOfAnEndpoint", "fragments",
-     [](Rtps& m) { write_fragment(m, 3, 1, 100, 250, 100, nearmesh::test::kSubscriptionsWriter); }},
+     [](Rtps& m) { m.fragments(3, 1, 100, 250, 100, nearmesh::test::kSubscriptionsWriter); }},
     {"LivelinessInFragments", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 16, 32, 16, nearmesh::test::kLivelinessWriter); }},
+     [](Rtps& m) { m.fragments(1, 1, 16, 32, 16, nearmesh::test::kLivelinessWriter); }},
     // Whole, and what it says is wrong.
     {"EndpointThatIsNoneInOneFragment", "parameters",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 100, 100, nearmesh::test::kPublicationsWriter); }},
+     [](Rtps& m) { m.fragments(1, 1, 100, 100, 100, nearmesh::test::kPublicationsWriter); }},
     {"ShortLivelinessInOneFragment", "parameters",
-     [](Rtps& m) { write_fragment(m, 1, 1, 20, 20, 20, nearmesh::test::kLivelinessWriter); }},
+     [](Rtps& m) { m.fragments(1, 1, 20, 20, 20, nearmesh::test::kLivelinessWriter); }},
     {"AnnouncementInFragments", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, nearmesh::test::kParticipantWriter); }},
+     [](Rtps& m) { m.fragments(1, 1, 100, 250, 100, nearmesh::test::kParticipantWriter); }},
 
     {"QosWithoutEnd", "parameters",
      sample(6, [](Rtps& m) { m.begin_parameter(0x70).zeros(16).end_parameter(); })},
@@ -353,6 +344,8 @@ TEST(RtpsCheck, EndpointOfAnotherIsToldOf) {
   EXPECT_FALSE(endpoint(1).tells_of_others);
   EXPECT_TRUE(endpoint(2).tells_of_others);
   EXPECT_FALSE(endpoint(2).refusal);
+  EXPECT_TRUE(endpoint(1).tells_of_endpoints);
+  EXPECT_FALSE(check_rtps(message().announcement().bytes).tells_of_endpoints);
 }
 
 /// As it would be handed on.
@@ -417,8 +410,8 @@ TEST(RtpsCheck, EndpointOfAnotherIsToldOfInFragmentsToo) {
 // Fast DDS reads the last fragment of a sample by what the first that came said of sizes.
 TEST(RtpsCheck, BehindFragmentsThereIsRoomToRead) {
   Rtps m = message();
-  write_fragment(m, 1, 3, 1344, 60'000, 3 * 1344);
-  write_fragment(m, 3, 1, 100, 250, 52);  // of another size; the last is shorter
+  m.fragments(1, 3, 1344, 60'000, 3 * 1344);
+  m.fragments(3, 1, 100, 250, 52);  // of another size; the last is shorter
   const RtpsVerdict verdict = check_rtps(m.bytes);
   ASSERT_FALSE(verdict.refusal);
   EXPECT_TRUE(verdict.has_fragments);
@@ -434,7 +427,7 @@ TEST(RtpsCheck, BehindFragmentsThereIsRoomToRead) {
 TEST(RtpsCheck, LastFragmentHasRoomForItsPlaceInTheList) {
   const auto total = [](std::uint16_t size, std::uint32_t said) {
     Rtps m = message();
-    write_fragment(m, 1, 1, size, said, size);
+    m.fragments(1, 1, size, said, size);
     const RtpsBytes passed = handed_on(m.bytes);
     return passed[52] | passed[53] << 8 | passed[54] << 16;
   };
@@ -469,6 +462,26 @@ TEST(RtpsCheck, LongGapIsToldInParts) {
   EXPECT_EQ(starts, (std::set<std::int64_t>{5, 5 + kMaxGap, 5 + 2 * kMaxGap}));
   EXPECT_TRUE(check_rtps(message().gap(1, 1 + kMaxGap, 0).bytes).changes.empty());
   EXPECT_EQ(reason(message().gap(1, kMaxSequence, 0).bytes), "");
+}
+
+// Fast DDS counts up to where a heartbeat begins.
+TEST(RtpsCheck, TellsHeartbeatsThatBeginFar) {
+  Rtps m = message();
+  m.heartbeat(kFarBeginning, kMaxSequence).heartbeat(kFarBeginning + 1, kMaxSequence, 2, 0, 0x203);
+  RtpsVerdict verdict = check_rtps(m.bytes);
+  EXPECT_FALSE(verdict.refusal);
+  EXPECT_FALSE(RtpsCopy::is_needed(verdict));
+  ASSERT_EQ(verdict.far_beginnings.size(), 1U);
+  const RtpsBeginning far = verdict.far_beginnings[0];
+  EXPECT_EQ(far.writer, 0x203U);
+  EXPECT_EQ(far.first, kFarBeginning + 1);
+  verdict.change_sequence(far.first_at, kFarBeginning, far.little_endian);
+  RtpsCopy copy;
+  const auto passed = copy.of(m.bytes, verdict);
+  Rtps expected = message();
+  expected.heartbeat(kFarBeginning, kMaxSequence)
+      .heartbeat(kFarBeginning, kMaxSequence, 2, 0, 0x203);
+  EXPECT_EQ(RtpsBytes(passed.begin(), passed.end()), expected.bytes);
 }
 
 // As Cyclone DDS puts together what two participants of one process answer.
