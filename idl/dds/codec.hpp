@@ -2,6 +2,7 @@
 #pragma once
 // Plain structs to generated samples and back. For the rooms named dds alone.
 // decode() is where bytes from outside become a message: it trusts nothing and ends with check().
+// All are in codec_*.cpp, by what the messages are about; what these files share: codec_fields.hpp.
 
 #include <array>
 #include <cstdint>
