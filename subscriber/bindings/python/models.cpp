@@ -225,7 +225,9 @@ class Pair {
     return py::array_t<std::uint32_t>(shape, faces.empty() ? nullptr : faces[0].data());
   }
 
-  [[nodiscard]] std::size_t held_splits() const {
+  [[nodiscard]] std::size_t held_splits() {
+    const py::gil_scoped_release others_may_run;
+    const Locks locks = lock();
     return (held_a_ ? held_a_->mesh.split_count() : 0) +
            (held_b_ ? held_b_->mesh.split_count() : 0);
   }
