@@ -542,7 +542,6 @@ nearmesh_status nearmesh_session_wait_ready(nearmesh_session* session, nearmesh_
   if (readiness != nullptr) *readiness = nullptr;
   if (frame != nullptr) *frame = nullptr;
   return c::changing(session, error, [&]() -> Status {
-    NEARMESH_RETURN_IF_ERROR(c::check_number(timeout_s, 0, c::kInfinite, "timeout_s"));
     NEARMESH_RETURN_IF_ERROR(c::take_motions(*session, bodies, motions, count));
     // Before it waits: whether there is such a body.
     NEARMESH_RETURN_IF_ERROR(session->session->readiness(BodyId{body}));

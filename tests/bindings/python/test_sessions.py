@@ -340,6 +340,7 @@ def test_wait_ready_waits(ball):
     (lambda s: s.watch(0, 7), LookupError, "7"),
     (lambda s: s.place_body(9, np.eye(4)), LookupError, "9"),
     (lambda s: s.update(0, np.nan), ValueError, "time"),
+    (lambda s: s.wait_ready(0, np.nan), ValueError, "timeout_s"),
     (lambda s: s.update(0, 0, {0: np.eye(3)}), ValueError, r"body 0: expected an array \(4, 4\)"),
     (lambda s: s.update(0, 0, {0: "here"}), ValueError, "body 0"),
     (lambda s: s.update(0, 0, {0: at(np.inf)}), ValueError, "a"),
