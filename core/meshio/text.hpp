@@ -6,8 +6,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
+#include <locale>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -86,9 +87,13 @@ inline Status parse_coordinate(std::string_view word, const std::string& place, 
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
     return {StatusCode::kCorrupt, place + ": expected a coordinate, found " + quote(word)};
-  // from_chars does not tell too great from too small; strtod does.
-  if (error == std::errc::result_out_of_range)
-    value = std::strtod(std::string(digits).c_str(), nullptr);
+  // from_chars does not tell too great from too small; a stream does. Not strtod: where the host's locale has a decimal comma that
+  // reads 2.5e-400 as 2.
+  if (error == std::errc::result_out_of_range) {
+    std::istringstream text{std::string(digits)};
+    text.imbue(std::locale::classic());
+    if (!(text >> value)) value = HUGE_VAL;
+  }
   if (!std::isfinite(value))
     return {StatusCode::kInvalidArgument,
             place + ": expected a finite coordinate, found " + quote(word)};

@@ -48,17 +48,6 @@ Status check_most(std::size_t found, std::size_t limit, const char* field) {
                  std::to_string(found));
 }
 
-/// Names go to logs, file names and JSON: printable ASCII, so that nothing can be hidden in them.
-Status check_name(std::string_view name, const char* field) {
-  if (name.empty() || name.size() > kMaxNameBytes)
-    return invalid(std::string(field) + ": expected 1 to " + std::to_string(kMaxNameBytes) +
-                   " bytes, found " + std::to_string(name.size()));
-  if (!std::all_of(name.begin(), name.end(), is_printable) || name.front() == ' ' ||
-      name.back() == ' ')
-    return invalid(std::string(field) + ": expected printable ASCII without blanks at the ends");
-  return Status::ok();
-}
-
 Status check_time(double time_s, const std::string& what) {
   if (is_time(time_s)) return Status::ok();
   return invalid(what + ": expected seconds, at most " + in_seconds(kMaxTime_s) +
@@ -72,10 +61,18 @@ Status check_distance(double value, const char* field) {
 
 }  // namespace
 
-Status check_new_model(const std::string& name, std::size_t served) {
+Status check_name(std::string_view name, const char* field) {
   if (name.empty() || name.size() > kMaxNameBytes)
-    return invalid("model name '" + name + "': expected 1 to " + std::to_string(kMaxNameBytes) +
-                   " bytes");
+    return invalid(std::string(field) + ": expected 1 to " + std::to_string(kMaxNameBytes) +
+                   " bytes, found " + std::to_string(name.size()));
+  if (!std::all_of(name.begin(), name.end(), is_printable) || name.front() == ' ' ||
+      name.back() == ' ')
+    return invalid(std::string(field) + ": expected printable ASCII without blanks at the ends");
+  return Status::ok();
+}
+
+Status check_new_model(const std::string& name, std::size_t served) {
+  NEARMESH_RETURN_IF_ERROR(check_name(name, "model name"));
   if (served >= kMaxModels) return invalid("at most " + std::to_string(kMaxModels) + " models");
   return Status::ok();
 }

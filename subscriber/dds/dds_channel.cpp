@@ -11,6 +11,7 @@
 #include <mutex>
 #include <new>
 #include <set>
+#include <system_error>
 #include <thread>
 #include <type_traits>
 #include <utility>
@@ -211,8 +212,12 @@ Status DdsChannel::Impl::start() {
     NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   std::promise<Status> started;
   std::future<Status> outcome = started.get_future();
-  thread_ =
-      std::thread([this, promise = std::move(started)]() mutable { run(std::move(promise)); });
+  try {
+    thread_ =
+        std::thread([this, promise = std::move(started)]() mutable { run(std::move(promise)); });
+  } catch (const std::system_error& fault) {
+    return {StatusCode::kIo, std::string("no thread can be started: ") + fault.what()};
+  }
   return outcome.get();
 }
 

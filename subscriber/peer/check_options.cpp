@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "core/base/float_guard.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 
@@ -18,6 +19,7 @@ constexpr double kLeastWindow = 2000;  // a batch and its frame
 // Certified answers rest on these numbers: boxes that a negative margin shrinks, or that are of no number at all, would prove
 // bodies free that touch.
 Status check(const SessionOptions& options) {
+  const FloatGuard guard;
   struct Range {
     const char* name;
     double number, least, most;

@@ -102,6 +102,9 @@ Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                           std::vector<Session::OwnMotion> motions, std::uint64_t frame,
                           double time_s) {
   const FloatGuard guard;
+  if (!(timeout_s >= 0))  // of no number no time is ever over
+    return Status{StatusCode::kInvalidArgument,
+                  "timeout_s is " + std::to_string(timeout_s) + ", expected seconds, at least 0"};
   constexpr double kBudget_s = 0.1;  // nobody has a frame to keep here
   const Stopwatch waited;
   Waited result;

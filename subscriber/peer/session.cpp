@@ -8,6 +8,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "core/geometry/motion_bounds.hpp"
+#include "host_jobs.hpp"
 #include "pair_readiness.hpp"
 #include "region_readiness.hpp"
 #include "session_impl.hpp"
@@ -44,7 +45,12 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   impl_->options = options;
   impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
-Session::~Session() { static_cast<void>(impl_->replicas.write_caches()); }
+Session::~Session() {
+  try {
+    static_cast<void>(impl_->replicas.write_caches());
+  } catch (...) {  // for want of memory: what leaves a destructor ends the host
+  }
+}
 
 Status Session::write_cache() { return impl_->replicas.write_caches(); }
 
@@ -53,6 +59,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   const FloatGuard guard;
   Impl& impl = *impl_;
   NEARMESH_RETURN_IF_ERROR(impl.options_status);
+  NEARMESH_RETURN_IF_ERROR(impl.check_whole());
   if (!(budget_s >= 0))
     return Status{StatusCode::kInvalidArgument, "budget_s of frame " + std::to_string(frame) +
                                                     " is " + std::to_string(budget_s) +
@@ -72,6 +79,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                                     ", expected seconds, at most " +
                                                     std::to_string(wire::kMaxTime_s) + " from 0"};
   const FrameBudget budget(budget_s);
+  impl.is_half_way = true;  // until the end: what is thrown meanwhile leaves it so
   FrameReport report;
   if (impl.has_updated && time_s < impl.time_s)
     report.complaints.push_back("time_s of frame " + std::to_string(frame) + " is " +
@@ -148,7 +156,16 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.answers_cost.add(since_batches.seconds());
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
+  impl.is_half_way = false;
+  if (impl.fault_of_host) std::rethrow_exception(std::exchange(impl.fault_of_host, nullptr));
   return report;
+}
+
+/// Mesh and tree of a model may have parted in an update that was left by an exception: answers from them would be certified, and wrong.
+Status Session::Impl::check_whole() const {
+  if (!is_half_way) return Status::ok();
+  return {StatusCode::kConflict,
+          "an earlier update ended half-way, for want of memory say; end the session"};
 }
 
 /// The own body of this number, or the next one.
@@ -322,12 +339,10 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 
 }  // namespace
 
-void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const {
-  if (options.run_jobs && count > 1) {
-    options.run_jobs(count, [&job](std::size_t i) {
-      const FloatGuard guard;  // of this thread
-      job(i);
-    });
+/// What the host's scheduler throws is kept until the update is over; it is not called again before.
+void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) {
+  if (options.run_jobs && count > 1 && !fault_of_host) {
+    fault_of_host = HostJobs(count, job).run_on(options.run_jobs);
   } else {
     for (std::size_t i = 0; i < count; ++i) job(i);
   }

@@ -20,14 +20,6 @@ constexpr double kRoamOfPromise = 0.25;
 /// Full poses are asked for so long before a body may be near: for the way there and back, and two frames.
 constexpr double kLead_s = 0.3;
 
-Status check_names(std::initializer_list<std::string_view> names) {
-  for (const std::string_view name : names)
-    if (name.empty() || name.size() > wire::kMaxNameBytes)
-      return {StatusCode::kInvalidArgument, "name '" + std::string(name) + "': expected 1 to " +
-                                                std::to_string(wire::kMaxNameBytes) + " bytes"};
-  return Status::ok();
-}
-
 /// Of a pair, whichever way round.
 std::pair<std::uint32_t, std::uint32_t> key_of(BodyId a, BodyId b) {
   return std::minmax({a.value, b.value});
@@ -48,7 +40,9 @@ Result<BodyId> Session::add_body(BodyOptions options) {
 }
 
 Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
-  NEARMESH_RETURN_IF_ERROR(check_names({body_options.name, body_options.model}));
+  // As the bus has it: a part of the directory in which one name does not pass is not told, and its other bodies are not known either.
+  NEARMESH_RETURN_IF_ERROR(wire::check_name(body_options.name, "name of a body"));
+  NEARMESH_RETURN_IF_ERROR(wire::check_name(body_options.model, "model name"));
   const double max_age_s = body_options.max_pose_age_s.value_or(
       body_options.own ? std::numeric_limits<double>::infinity() : options.max_pose_age_s);
   if (!(max_age_s >= 0))
@@ -170,7 +164,7 @@ Status Session::replace_model(BodyId body, const std::string& model, const Conte
   const FloatGuard guard;
   Body* changed = impl_->find(body);
   if (changed == nullptr) return no_such(body);
-  NEARMESH_RETURN_IF_ERROR(check_names({model}));
+  NEARMESH_RETURN_IF_ERROR(wire::check_name(model, "model name"));
   NEARMESH_RETURN_IF_ERROR(impl_->check_pin(changed->name, model, content));
   PeerModel& before = *std::exchange(changed->model, &impl_->replicas.add(model));
   if (content.is_set()) changed->model->pinned = content;

@@ -9,6 +9,7 @@
 // Threads: one.
 
 #include <algorithm>
+#include <exception>
 #include <map>
 #include <optional>
 #include <set>
@@ -325,6 +326,8 @@ struct Session::Impl {
   // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
   double asked_by_s = 0;
   bool has_updated = false;
+  bool is_half_way = false;          // an exception has left an update
+  std::exception_ptr fault_of_host;  // what its scheduler threw in this update
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
   std::vector<wire::BodyPose> heard_by_host;  // since the last update
@@ -420,7 +423,8 @@ struct Session::Impl {
   void add_unbounded(Readiness& all, const Body& body);
   [[nodiscard]] std::string why_unknown(const Body& body) const;
   [[nodiscard]] std::string why_no_bounds(const Body& body) const;
-  void run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const;
+  [[nodiscard]] Status check_whole() const;
+  void run_jobs(std::size_t count, const std::function<void(std::size_t)>& job);
   struct AskedPair {
     std::vector<std::string> complaints;
     double query_s = 0;

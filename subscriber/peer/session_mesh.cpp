@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is held of a model, as a mesh that can be drawn.
+#include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "core/replica/triangles.hpp"
 #include "session_impl.hpp"
@@ -7,6 +8,7 @@
 namespace nearmesh::subscriber {
 
 Result<Session::HeldMesh> Session::held_mesh(BodyId body) const {
+  const FloatGuard guard;
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   if (!asked->model->is_ready())

@@ -148,6 +148,7 @@ template <class Probe, class Answer>
 Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probes,
                                          std::span<Answer> answers) {
   NEARMESH_ASSERT(probes.size() == answers.size());
+  NEARMESH_RETURN_IF_ERROR(check_whole());
   Body* body = find(id);
   if (body == nullptr) return no_such(id);
   PeerModel& model = *body->model;

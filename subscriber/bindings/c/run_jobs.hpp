@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A scheduler of the host's, given as a C function, as Session wants one. What it leaves out is done afterwards, what it does twice
-// is done once, and no exception of a job passes through its frames.
+// A scheduler of the host's, given as a C function, as Session wants one.
 
 #include "nearmesh.h"
 #include "nearmesh/subscriber/peer/session.hpp"

@@ -542,7 +542,6 @@ nearmesh_status nearmesh_session_wait_ready(nearmesh_session* session, nearmesh_
   if (readiness != nullptr) *readiness = nullptr;
   if (frame != nullptr) *frame = nullptr;
   return c::changing(session, error, [&]() -> Status {
-    NEARMESH_RETURN_IF_ERROR(c::check_number(timeout_s, 0, c::kInfinite, "timeout_s"));
     NEARMESH_RETURN_IF_ERROR(c::take_motions(*session, bodies, motions, count));
     // Before it waits: whether there is such a body.
     NEARMESH_RETURN_IF_ERROR(session->session->readiness(BodyId{body}));
@@ -583,7 +582,7 @@ nearmesh_status nearmesh_session_region_readiness(nearmesh_session* session, nea
 nearmesh_status nearmesh_session_motion_of(const nearmesh_session* session, nearmesh_body body,
                                            nearmesh_motion* motion,
                                            nearmesh_error* error) noexcept {
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(motion, "motion"));
     const std::optional<Motion> found = session->session->motion_of(BodyId{body});
     if (!found) return c::no_such(body, "no motion is known");
@@ -595,7 +594,7 @@ nearmesh_status nearmesh_session_motion_of(const nearmesh_session* session, near
 nearmesh_status nearmesh_session_name_of(nearmesh_session* session, nearmesh_body body,
                                          const char** name, nearmesh_error* error) noexcept {
   if (name != nullptr) *name = nullptr;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(name, "name"));
     session->name = session->session->name_of(BodyId{body});
     if (session->name.empty()) return c::no_such(body, "this session has no name");
@@ -608,7 +607,7 @@ nearmesh_status nearmesh_session_body_facts(nearmesh_session* session, nearmesh_
                                             const nearmesh_body_facts** facts,
                                             nearmesh_error* error) noexcept {
   if (facts != nullptr) *facts = nullptr;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(facts, "facts"));
     Result<subscriber::BodyOptions> found = session->session->options_of(BodyId{body});
     NEARMESH_RETURN_IF_ERROR(found);
@@ -631,7 +630,7 @@ nearmesh_status nearmesh_session_held_mesh(nearmesh_session* session, nearmesh_b
                                            const nearmesh_held_mesh** mesh,
                                            nearmesh_error* error) noexcept {
   if (mesh != nullptr) *mesh = nullptr;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(mesh, "mesh"));
     Result<subscriber::Session::HeldMesh> found = session->session->held_mesh(BodyId{body});
     NEARMESH_RETURN_IF_ERROR(found);
@@ -649,14 +648,15 @@ nearmesh_status nearmesh_session_held_mesh(nearmesh_session* session, nearmesh_b
 }
 
 uint64_t nearmesh_session_held_state(const nearmesh_session* session, nearmesh_body body) noexcept {
-  return c::is_handle(session) ? session->session->held_state(BodyId{body}) : 0;
+  if (!c::is_handle(session) || session->is_spoiled) return 0;
+  return session->session->held_state(BodyId{body});
 }
 
 nearmesh_status nearmesh_session_model_facts(nearmesh_session* session, nearmesh_body body,
                                              const nearmesh_model_facts** facts,
                                              nearmesh_error* error) noexcept {
   if (facts != nullptr) *facts = nullptr;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(facts, "facts"));
     const SpmHeader* header = session->session->header_of(BodyId{body});
     if (header == nullptr) return c::no_such(body, "no header has come for the model");
@@ -670,7 +670,7 @@ nearmesh_status nearmesh_session_model_facts(nearmesh_session* session, nearmesh
 nearmesh_status nearmesh_session_heard_time(const nearmesh_session* session, double* time_s,
                                             nearmesh_error* error) noexcept {
   if (time_s != nullptr) *time_s = 0;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(time_s, "time_s"));
     const std::optional<double> heard = session->session->heard_time_s();
     if (!heard) return {StatusCode::kNotFound, "no pose of another peer has come"};
@@ -688,7 +688,7 @@ nearmesh_status nearmesh_session_get_stats(nearmesh_session* session,
                                            const nearmesh_session_stats** stats,
                                            nearmesh_error* error) noexcept {
   if (stats != nullptr) *stats = nullptr;
-  return c::guarded(session, error, [&]() -> Status {
+  return c::reading(session, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(c::check_given(stats, "stats"));
     const subscriber::SessionStats now = session->session->stats();
     session->stats = {.batches = now.batches,

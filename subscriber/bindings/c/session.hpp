@@ -88,13 +88,21 @@ struct nearmesh_session {
 
 namespace nearmesh::c {
 
-/// Runs `body`, which may change the session. Whatever it throws leaves the session behind half-way: nothing is asked of it then.
-template <class Body>
-nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&& body) noexcept {
+/// Runs `body`, which reads what the session knows.
+template <class Handle, class Body>
+nearmesh_status reading(Handle* handle, nearmesh_error* error, Body&& body) noexcept {
   return guarded(handle, error, [&]() -> Status {
     if (handle->is_spoiled)
       return {StatusCode::kConflict,
               "an earlier call ended half-way, for want of memory say; destroy the session"};
+    return body();
+  });
+}
+
+/// Runs `body`, which may change the session. Whatever it throws leaves the session behind half-way: nothing is asked of it then.
+template <class Body>
+nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&& body) noexcept {
+  return reading(handle, error, [&]() -> Status {
     try {
       return body();
     } catch (...) {

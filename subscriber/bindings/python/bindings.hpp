@@ -25,7 +25,7 @@ namespace py = pybind11;
 
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-/// Raises the exception of nearmesh/errors.py that stands for the code, with the status's own text.
+/// Raises the exception of nearmesh/errors.py that stands for the code, with the status's own text. With the interpreter's lock or without.
 [[noreturn]] void raise(const Status& status);
 inline void need(const Status& status) {
   if (!status.is_ok()) raise(status);
@@ -37,6 +37,16 @@ template <class T>
 }
 [[noreturn]] inline void refuse(const std::string& why) {
   raise({StatusCode::kInvalidArgument, why});
+}
+
+/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range.
+template <class T>
+[[nodiscard]] T given_as(const py::handle& given, const std::string& name) {
+  try {
+    return py::cast<T>(given);
+  } catch (const py::cast_error&) {
+    refuse(name + ": found " + std::string(py::repr(given)) + ", of a wrong type or out of range");
+  }
 }
 
 /// Rigid placements as homogeneous matrices, x_world = M x_model, metres: an array (n, 4, 4), or (4, 4) for one.

@@ -17,6 +17,23 @@ namespace {
 
 using Indices = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
 
+/// Numbers of vertices. A fraction, or a number that is none, NumPy would cut off without a word: another mesh.
+Indices indices_of(const py::object& given) {
+  const auto numbers = py::array::ensure(given);
+  const auto indices = Indices::ensure(given);
+  if (!numbers || !indices) {
+    PyErr_Clear();
+    refuse("faces: expected an array (n, 3) of numbers of vertices");
+  }
+  if (numbers.dtype().kind() != 'f') return indices;
+  const auto exact = Doubles::ensure(numbers);
+  for (py::ssize_t i = 0; i < indices.size(); ++i)
+    if (exact.data()[i] != static_cast<double>(indices.data()[i]))
+      refuse("faces: " + std::string(py::str(py::float_(exact.data()[i]))) +
+             " is no number of a vertex");
+  return indices;
+}
+
 IndexedMesh mesh_of(const Doubles& vertices, const Indices& faces) {
   const auto check = [](const py::array& array, const char* name) {
     if (array.ndim() != 2 || array.shape(1) != 3)
@@ -44,9 +61,9 @@ IndexedMesh mesh_of(const Doubles& vertices, const Indices& faces) {
   return mesh;
 }
 
-std::shared_ptr<Model> bake_arrays(const Doubles& vertices, const Indices& faces,
+std::shared_ptr<Model> bake_arrays(const Doubles& vertices, const py::object& faces,
                                    const std::string& path, int grid_bits, unsigned threads) {
-  const IndexedMesh mesh = mesh_of(vertices, faces);
+  const IndexedMesh mesh = mesh_of(vertices, indices_of(faces));
   if (grid_bits < kMinGridBits || grid_bits > kMaxGridBits)
     refuse("grid_bits: expected " + std::to_string(kMinGridBits) + " to " +
            std::to_string(kMaxGridBits) + ", found " + std::to_string(grid_bits));
@@ -225,7 +242,9 @@ class Pair {
     return py::array_t<std::uint32_t>(shape, faces.empty() ? nullptr : faces[0].data());
   }
 
-  [[nodiscard]] std::size_t held_splits() const {
+  [[nodiscard]] std::size_t held_splits() {
+    const py::gil_scoped_release others_may_run;
+    const Locks locks = lock();
     return (held_a_ ? held_a_->mesh.split_count() : 0) +
            (held_b_ ? held_b_->mesh.split_count() : 0);
   }

@@ -53,6 +53,7 @@ void raise(const Status& status) {
     case StatusCode::kOk:
       break;
   }
+  const py::gil_scoped_acquire lock;
   const py::object type = py::module_::import("nearmesh.errors").attr(name);
   PyErr_SetString(type.ptr(), status.message().c_str());
   throw py::error_already_set();

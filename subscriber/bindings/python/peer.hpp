@@ -2,8 +2,10 @@
 #pragma once
 // A session as Python has it.
 
+#include <atomic>
 #include <memory>
 #include <mutex>
+#include <thread>
 
 #include "bindings.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -12,20 +14,54 @@ namespace nearmesh::python {
 
 /// A session of Python's, whose other threads run on while it works.
 struct Peer {
+  Peer() = default;
+  Peer(const Peer&) = delete;
+  Peer& operator=(const Peer&) = delete;
+  /// To leave the bus may take a second.
+  ~Peer() {
+    const py::gil_scoped_release others_may_run;
+    session.reset();
+  }
+
   std::unique_ptr<subscriber::Session> session;
-  std::mutex mutex{};
+  std::mutex mutex;
+  std::atomic<std::thread::id> user{};  ///< who has the mutex
+  bool is_spoiled = false;              ///< an exception came half-way, for want of memory say
 };
 
-/// Runs what may take long without the interpreter's lock, one at a time.
+/// Runs what asks or changes the session without the interpreter's lock, one at a time. Of a session that an exception has left half-way
+/// nothing is asked.
 template <class Work>
 auto unlocked(Peer& peer, const Work& work) {
+  // A scheduler of the host's that calls the session: it would wait for itself for ever.
+  if (peer.user == std::this_thread::get_id())
+    raise({StatusCode::kConflict, "the session is in use by the call that this one comes from"});
   const py::gil_scoped_release others_may_run;
   const std::lock_guard lock(peer.mutex);
-  return work(*peer.session);
+  if (peer.is_spoiled)
+    raise({StatusCode::kConflict,
+           "an earlier call ended half-way, for want of memory say; make a new session"});
+  struct Using {
+    explicit Using(Peer& by) : peer(by) { peer.user = std::this_thread::get_id(); }
+    ~Using() { peer.user = std::thread::id(); }
+    Using(const Using&) = delete;
+    Using& operator=(const Using&) = delete;
+    Peer& peer;
+  } in_use(peer);
+  try {
+    return work(*peer.session);
+  } catch (const py::error_already_set&) {
+    throw;  // of the host's scheduler: the update was carried out
+  } catch (...) {
+    peer.is_spoiled = true;
+    throw;
+  }
 }
 
 /// Of a body: a pose, or a pose with velocities.
 [[nodiscard]] Motion motion_of(const py::handle& given, std::uint32_t body);
+/// The number of a body, as a key.
+[[nodiscard]] std::uint32_t body_of(const py::handle& given);
 
 /// What the class Session has of probes, and poses that the host heard.
 void add_probes(py::class_<Peer> peer_class);

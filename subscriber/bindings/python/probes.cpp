@@ -338,11 +338,13 @@ meets nothing before at_least_m.)")
           [](Peer& peer, const py::dict& heard) {
             std::vector<Session::HeardPose> poses;
             for (const auto& [body, given] : heard) {
-              const auto id = py::cast<std::uint32_t>(body);
+              const std::uint32_t id = body_of(body);
               const auto pair = py::cast<py::tuple>(given);
               if (pair.size() != 2)
                 refuse("body " + std::to_string(id) + ": expected (time_s, pose or Motion)");
-              poses.push_back({BodyId{id}, py::cast<double>(pair[0]), motion_of(pair[1], id)});
+              poses.push_back({BodyId{id},
+                               given_as<double>(pair[0], "time_s of body " + std::to_string(id)),
+                               motion_of(pair[1], id)});
             }
             need(unlocked(peer, [&](Session& session) { return session.hear(poses); }));
           },

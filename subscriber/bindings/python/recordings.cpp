@@ -3,6 +3,7 @@
 
 #include <limits>
 #include <map>
+#include <mutex>
 
 #include "bindings.hpp"
 #include "core/query/answer.hpp"
@@ -45,6 +46,7 @@ class Recording {
     };
     const auto read = [&]() -> Status {
       const py::gil_scoped_release others_may_run;
+      const std::lock_guard lock(mutex_);
       const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(*reader_);
       NEARMESH_RETURN_IF_ERROR(samples);
       return reader_->read(
@@ -68,6 +70,7 @@ class Recording {
     std::vector<std::uint64_t> counts(reader_->topics().size());
     const auto read = [&] {
       const py::gil_scoped_release others_may_run;
+      const std::lock_guard lock(mutex_);
       return reader_->read(1, reader_->message_count() + 1,
                            [&](std::int64_t, const RecordedMessage& message) {
                              ++counts[reader_->writers()[message.writer].topic];
@@ -92,6 +95,7 @@ class Recording {
                                   const std::string& other) {
     const auto rebuild = [&]() -> Result<subscriber::RecordedScene> {
       const py::gil_scoped_release others_may_run;
+      const std::lock_guard lock(mutex_);
       const Result<std::int64_t> report =
           subscriber::find_report(*reader_, {.received_ns = received_ns.value_or(reader_->end_ns()),
                                              .peer = {},
@@ -108,6 +112,7 @@ class Recording {
 
  private:
   std::unique_ptr<RecordingReader> reader_;
+  std::mutex mutex_;  // of what reads on: Python's other threads run meanwhile
 };
 
 }  // namespace

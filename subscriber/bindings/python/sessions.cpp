@@ -119,17 +119,21 @@ subscriber::RunJobs jobs_on(unsigned threads) {
     const auto work = [&] {
       for (std::size_t i = next++; i < count; i = next++) job(i);
     };
+    const std::size_t wanted = std::min<std::size_t>(threads, count) - 1;
     std::vector<std::thread> others;
-    for (std::size_t i = 1; i < std::min<std::size_t>(threads, count); ++i)
-      others.emplace_back(work);
+    others.reserve(wanted);
+    try {
+      while (others.size() < wanted) others.emplace_back(work);
+    } catch (const std::exception&) {
+      // There is no room for more threads: those that there are do it all.
+    }
     work();
     for (std::thread& other : others) other.join();
   };
 }
 
 /// Jobs of a frame as Python's callable spreads them: run_jobs(count, job) calls job(i) for each i below count, on whichever
-/// threads, and returns when all are done. A job runs without the interpreter's lock; each is done once, also where the
-/// callable leaves one out, repeats one, or raises: what it raised is raised by update().
+/// threads, and returns when all are done. A job runs without the interpreter's lock. What the callable raised is raised by update().
 subscriber::RunJobs jobs_of(py::function run) {
   // Let go under the lock, wherever the session ends.
   const std::shared_ptr<py::function> held(new py::function(std::move(run)), [](py::function* f) {
@@ -141,7 +145,7 @@ subscriber::RunJobs jobs_of(py::function run) {
       Jobs(std::size_t jobs, const std::function<void(std::size_t)>& of) : states(jobs), run(&of) {}
       std::vector<std::atomic<bool>> states;  // begun
       std::atomic<std::size_t> done{0};
-      const std::function<void(std::size_t)>* run;
+      const std::function<void(std::size_t)>* run;  // throws nothing
       void work(std::size_t i) {
         if (i >= states.size() || states[i].exchange(true)) return;
         (*run)(i);
@@ -158,7 +162,7 @@ subscriber::RunJobs jobs_of(py::function run) {
                   const py::gil_scoped_release others_may_run;
                   jobs->work(i);
                 }));
-      } catch (const py::error_already_set&) {
+      } catch (...) {
         fault = std::current_exception();
       }
     }
@@ -173,47 +177,47 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
   for (const auto& [key, value] : given) {
     const std::string name = py::cast<std::string>(key);
     if (name == "max_pose_age_s") {
-      options.max_pose_age_s = py::cast<double>(value);
+      options.max_pose_age_s = given_as<double>(value, name);
     } else if (name == "lookahead_s") {
-      options.lookahead_s = py::cast<double>(value);
+      options.lookahead_s = given_as<double>(value, name);
     } else if (name == "margin_m") {
-      options.margin_m = py::cast<double>(value);
+      options.margin_m = given_as<double>(value, name);
     } else if (name == "sweep_s") {
-      options.sweep_s = py::cast<double>(value);
+      options.sweep_s = given_as<double>(value, name);
     } else if (name == "request_timeout_s") {
-      options.request_timeout_s = py::cast<double>(value);
+      options.request_timeout_s = given_as<double>(value, name);
     } else if (name == "max_held_splits") {
-      options.max_held_splits = py::cast<std::uint32_t>(value);
+      options.max_held_splits = given_as<std::uint32_t>(value, name);
     } else if (name == "window_bytes") {
-      options.window_bytes = py::cast<std::uint32_t>(value);
+      options.window_bytes = given_as<std::uint32_t>(value, name);
     } else if (name == "audit_s") {
-      options.audit_s = py::cast<double>(value);
+      options.audit_s = given_as<double>(value, name);
     } else if (name == "clearance") {
-      options.clearance = clearance_of(py::cast<std::string>(value));
+      options.clearance = clearance_of(given_as<std::string>(value, name));
     } else if (name == "cache_folder") {
-      options.cache_folder = py::cast<std::string>(value);
+      options.cache_folder = given_as<std::string>(value, name);
     } else if (name == "contacts") {
-      options.contacts = py::cast<bool>(value);
+      options.contacts = given_as<bool>(value, name);
     } else if (name == "depth") {
-      options.depth = py::cast<bool>(value);
+      options.depth = given_as<bool>(value, name);
     } else if (name == "publish_reports") {
-      options.publish_reports = py::cast<bool>(value);
+      options.publish_reports = given_as<bool>(value, name);
     } else if (name == "any") {
-      options.any = py::cast<bool>(value);
+      options.any = given_as<bool>(value, name);
     } else if (name == "max_pairs") {
-      options.max_pairs = py::cast<std::size_t>(value);
+      options.max_pairs = given_as<std::size_t>(value, name);
     } else if (name == "max_tests") {
-      options.max_tests = py::cast<std::uint64_t>(value);
+      options.max_tests = given_as<std::uint64_t>(value, name);
     } else if (name == "max_sweep_tests") {
-      options.max_sweep_tests = py::cast<std::uint64_t>(value);
+      options.max_sweep_tests = given_as<std::uint64_t>(value, name);
     } else if (name == "max_depth_tests") {
-      options.max_depth_tests = py::cast<std::uint64_t>(value);
+      options.max_depth_tests = given_as<std::uint64_t>(value, name);
     } else if (name == "promise_s") {
-      options.promise_s = py::cast<double>(value);
+      options.promise_s = given_as<double>(value, name);
     } else if (name == "run_jobs") {
       options.run_jobs = jobs_of(py::cast<py::function>(value));
     } else if (name == "threads") {
-      options.run_jobs = jobs_on(py::cast<unsigned>(value));
+      options.run_jobs = jobs_on(given_as<unsigned>(value, name));
     } else {
       throw py::type_error("unexpected option " + name);
     }
@@ -264,7 +268,7 @@ std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& inter
 std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
   std::vector<Session::OwnMotion> motions;
   for (const auto& [body, motion] : given) {
-    const auto id = py::cast<std::uint32_t>(body);
+    const std::uint32_t id = body_of(body);
     motions.push_back({BodyId{id}, motion_of(motion, id)});
   }
   return motions;
@@ -414,6 +418,10 @@ void add_frame(py::module_& module) {
 
 }  // namespace
 
+std::uint32_t body_of(const py::handle& given) {
+  return given_as<std::uint32_t>(given, "number of a body");
+}
+
 /// Of a body: a pose, or a pose with velocities.
 Motion motion_of(const py::handle& given, std::uint32_t body) {
   const std::string name = "body " + std::to_string(body);
@@ -453,7 +461,7 @@ void add_sessions(py::module_& module) {
 Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
 margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts, depth,
 publish_reports, any, max_pairs, max_tests, max_sweep_tests, max_depth_tests, promise_s, window_bytes, audit_s; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
-calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
+calls job(i) for each i below count, on threads of its own, and returns when all are done; it calls nothing of the session, on no thread.)")
           .def_static("local", &local_session, py::arg("models"),
                       py::arg("worlds") = std::map<std::string, std::string>{},
                       "A session fed from files: {name: path}, and worlds: {name: folder}.")
@@ -616,7 +624,9 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               "Brings the files of cache_folder up to date, as the session's end does.")
           .def(
               "name_of",
-              [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },
+              [](Peer& peer, std::uint32_t body) {
+                return unlocked(peer, [&](Session& session) { return session.name_of(BodyId{body}); });
+              },
               py::arg("body"))
           .def(
               "update",
@@ -651,14 +661,21 @@ Where that is too little pairs take turns, who may touch soonest first; a row wh
 stage: "waiting", "answering" or "certified".)")
           .def(
               "motion_of",
-              [](Peer& peer, std::uint32_t body) { return peer.session->motion_of(BodyId{body}); },
+              [](Peer& peer, std::uint32_t body) {
+                return unlocked(peer, [&](Session& session) { return session.motion_of(BodyId{body}); });
+              },
               py::arg("body"), "Where a body was last known to be; None where no pose has come.")
           .def_property_readonly("heard_time_s",
-                                 [](Peer& peer) { return peer.session->heard_time_s(); })
+                                 [](Peer& peer) {
+                                   return unlocked(peer, [](Session& session) {
+                                     return session.heard_time_s();
+                                   });
+                                 })
           .def_property_readonly(
               "stats",
               [](Peer& peer) {
-                const subscriber::SessionStats stats = peer.session->stats();
+                const subscriber::SessionStats stats =
+                    unlocked(peer, [](Session& session) { return session.stats(); });
                 using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
                 return py::dict(
                     "batches"_a = stats.batches, "batch_bytes"_a = stats.batch_bytes,

@@ -39,7 +39,7 @@ static int disarm(void) {
 }
 
 static Sphere sphere;
-static char file[1024], other_file[1024];
+static char file[1024], other_file[1024], cache_folder[1024], cache_file[1200];
 static const char* world_folder;
 
 static nearmesh_status bake_it(void) {
@@ -131,9 +131,10 @@ static nearmesh_status fly_on(nearmesh_session* session) {
   return status;
 }
 
-static nearmesh_status fly_it(void) {
+static nearmesh_status fly(const char* cache) {
   nearmesh_session_options options;
   nearmesh_session_options_init(&options, sizeof options);
+  options.cache_folder = cache;
   options.contacts = 1;
   options.sweep_s = 0.1;
   nearmesh_session* session = NULL;
@@ -147,10 +148,28 @@ static nearmesh_status fly_it(void) {
         nearmesh_session_update(session, 9, 1, NULL, NULL, 0, 1, NULL, &again);
     // An update that ended half-way is the last one; a file that could not be opened is nothing to the session.
     CHECK(later == (status == NEARMESH_OUT_OF_MEMORY ? NEARMESH_CONFLICT : NEARMESH_OK));
-    if (later == NEARMESH_CONFLICT) CHECK(nearmesh_session_answer(session, 0) == NULL);
+    if (later == NEARMESH_CONFLICT) {
+      CHECK(nearmesh_session_answer(session, 0) == NULL);
+      // Nor is what it holds shown, whose parts may have parted.
+      const nearmesh_held_mesh* mesh = NULL;
+      const nearmesh_session_stats* stats = NULL;
+      const char* name = NULL;
+      CHECK(nearmesh_session_held_mesh(session, 0, &mesh, &again) == NEARMESH_CONFLICT);
+      CHECK(nearmesh_session_get_stats(session, &stats, &again) == NEARMESH_CONFLICT);
+      CHECK(nearmesh_session_name_of(session, 0, &name, &again) == NEARMESH_CONFLICT);
+      CHECK(nearmesh_session_held_state(session, 0) == 0);
+    }
   }
   nearmesh_session_destroy(session);
   return status;
+}
+
+static nearmesh_status fly_it(void) { return fly(NULL); }
+
+// To the end, where the cache is written while memory is still short.
+static nearmesh_status fly_with_cache(void) {
+  remove(cache_file);  // as new, or there is nothing to be written
+  return fly(cache_folder);
 }
 
 // Lets one allocation fail after the other, with steps that grow, until all succeed.
@@ -194,6 +213,13 @@ int main(int argc, char** argv) {
   starve("query", ask_it);
   starve("world", probe_world);
   starve("session", fly_it);
+  nearmesh_model* model = NULL;
+  MUST(nearmesh_model_open(file, &model, &error));
+  snprintf(cache_folder, sizeof cache_folder, "%s/cache", argv[1]);
+  snprintf(cache_file, sizeof cache_file, "%s/%s.detail", cache_folder,
+           nearmesh_model_get_facts(model)->content);
+  nearmesh_model_close(model);
+  starve("session with a cache", fly_with_cache);
   starve("bake", bake_it);
   return failures == 0 ? 0 : 1;
 }

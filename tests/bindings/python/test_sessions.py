@@ -4,6 +4,7 @@ import concurrent.futures
 import json
 import os
 import pathlib
+import resource
 import signal
 import subprocess
 import sys
@@ -128,6 +129,65 @@ def test_what_jobs_raise_comes_out(ball):
         session.update(0, 0, motions)
     with pytest.raises(TypeError, match="function"):
         crowd(ball, run_jobs=3)
+
+
+def test_what_jobs_raise_leaves_the_session_whole(ball):
+    def fails_each_second_time(count, job, calls=[]):
+        calls.append(count)
+        if len(calls) % 2:
+            raise KeyError("mine")
+    alone, motions = crowd(ball)
+    session, _ = crowd(ball, run_jobs=fails_each_second_time)
+    certified = 0
+    for frame in range(16):
+        expected = alone.update(frame, frame / 20, motions, 10)
+        try:
+            report = session.update(frame, frame / 20, motions, 10)
+        except KeyError:
+            continue
+        assert (report.answers_digest, report.state_digest) == (expected.answers_digest, expected.state_digest)
+        certified += report.all_certified
+    assert certified > 0
+
+
+@pytest.mark.parametrize("call", [lambda s: s.watch_all(), lambda s: s.stats, lambda s: s.update(0, 0)])
+def test_a_scheduler_that_calls_its_session_is_refused(ball, call):
+    session, motions = crowd(ball, run_jobs=lambda count, job: call(session))
+    with pytest.raises(nm.errors.ConflictError, match="in use"):
+        session.update(0, 0, motions, 10)
+
+
+@pytest.mark.parametrize("call", [lambda s: s.name_of(0), lambda s: s.motion_of(0), lambda s: s.heard_time_s, lambda s: s.stats,
+                                  lambda s: s.readiness(0)])
+def test_calls_on_one_session_wait_for_each_other(ball, call):
+    threads, ended, were_early = [], threading.Event(), []
+
+    def run(count, job):
+        threads.append(threading.Thread(target=lambda: (call(session), ended.set())))
+        threads[-1].start()
+        were_early.append(ended.wait(0.1))
+    session, motions = crowd(ball, run_jobs=run)
+    session.update(0, 0, motions, 10)
+    for thread in threads:
+        thread.join(10)
+    assert ended.is_set() and were_early and not were_early[0]
+
+
+def test_without_more_threads_those_that_there_are_do_it_all(ball):
+    # No thread finds room for such a stack.
+    program = ("import sys, numpy as np, nearmesh as nm\n"
+               "session = nm.Session.local({'ball': sys.argv[1]}, threads=4)\n"
+               "bodies = [session.add_body(name, 'ball', own=True) for name in 'abc']\n"
+               "session.watch(0, 1), session.watch(0, 2)\n"
+               "assert session.wait_ready(0, 20, {body: np.eye(4) for body in bodies})[0] == 'certified'\n")
+
+    def stack():
+        resource.setrlimit(resource.RLIMIT_STACK, (2 ** 46, resource.getrlimit(resource.RLIMIT_STACK)[1]))
+    if resource.getrlimit(resource.RLIMIT_STACK)[1] != resource.RLIM_INFINITY:
+        pytest.skip("the stack is limited")
+    run = subprocess.run([sys.executable, "-c", program, ball.path], preexec_fn=stack, capture_output=True, text=True, timeout=60,
+                         check=False)
+    assert run.returncode == 0, run.stderr
 
 
 def test_a_budget_puts_pairs_off(ball):
@@ -274,13 +334,20 @@ def test_wait_ready_waits(ball):
 @pytest.mark.parametrize("wrong, kind, text", [
     (lambda s: s.add_body("a", "ball"), nm.errors.ConflictError, "a"),
     (lambda s: s.add_body("", "ball"), ValueError, "name"),
+    (lambda s: s.add_body("H\u00e4her", "ball"), ValueError, "printable ASCII"),
+    (lambda s: s.add_body("x\0y", "ball"), ValueError, "printable ASCII"),
     (lambda s: s.watch(0, 0), ValueError, ""),
     (lambda s: s.watch(0, 7), LookupError, "7"),
     (lambda s: s.place_body(9, np.eye(4)), LookupError, "9"),
     (lambda s: s.update(0, np.nan), ValueError, "time"),
+    (lambda s: s.wait_ready(0, np.nan), ValueError, "timeout_s"),
     (lambda s: s.update(0, 0, {0: np.eye(3)}), ValueError, r"body 0: expected an array \(4, 4\)"),
     (lambda s: s.update(0, 0, {0: "here"}), ValueError, "body 0"),
     (lambda s: s.update(0, 0, {0: at(np.inf)}), ValueError, "a"),
+    (lambda s: s.update(0, 0, {-1: np.eye(4)}), ValueError, "number of a body: found -1"),
+    (lambda s: s.hear({"a": (0, np.eye(4))}), ValueError, "number of a body: found 'a'"),
+    (lambda s: nm.Session.local({}, max_held_splits=-1), ValueError, "max_held_splits: found -1"),
+    (lambda s: nm.Session.local({}, contacts="yes"), ValueError, "contacts: found 'yes'"),
     (lambda s: nm.Session.local({"ball": "/nowhere/ball.spm"}), OSError, "/nowhere/ball.spm"),
     (lambda s: nm.Session.local({}, look_ahead=1), TypeError, "look_ahead"),
     (lambda s: nm.Session.dds(transport="pigeon"), ValueError, "pigeon"),

@@ -411,8 +411,8 @@ NEARMESH_API nearmesh_status nearmesh_session_deliver(nearmesh_session* session,
 
 typedef struct nearmesh_body_options {
   size_t size;            ///< set by nearmesh_body_options_init()
-  const char* name;       ///< on the bus and for people, unique in the session; 1 to 63 bytes
-  const char* model;      ///< the publisher's name for it; 1 to 63 bytes
+  const char* name;       ///< on the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks at the ends
+  const char* model;      ///< the publisher's name for it; the same
   const char* content;    ///< 32 digits: no other content is ever taken; NULL, the default: what publishers agree on
   double max_pose_age_s;  ///< as in the session's options, for this body; below 0, the default: the session's
   int32_t own;            ///< this peer moves it; 0: another does, or it stands in its place
@@ -433,7 +433,8 @@ NEARMESH_API nearmesh_status nearmesh_session_add_body(nearmesh_session* session
                                                        const nearmesh_body_options* options,
                                                        nearmesh_body* body, nearmesh_error* error)
     NEARMESH_NOTHROW;
-/// Fixes a body in place, for scenery that nobody moves. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (pose).
+/// Fixes a body in place, for scenery that nobody moves. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (pose; a body with a
+/// max_speed_mps, a link).
 NEARMESH_API nearmesh_status nearmesh_session_place_body(nearmesh_session* session,
                                                          nearmesh_body body,
                                                          const nearmesh_pose* pose,

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <clocale>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -296,6 +297,30 @@ TEST(ImportMesh, ReadsUnusualNumbers) {
 
   EXPECT_EQ(mesh.positions_m.at(0), (Point{1, 0.5, 100}));
   EXPECT_EQ(mesh.positions_m.at(1), (Point{0, 0, 1e-310}));
+}
+
+/// While it lives the C library's decimal point is a comma, as in a host that speaks German; where the machine has such a locale.
+class DecimalComma {
+ public:
+  DecimalComma() {
+    for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "de_DE"})
+      if (!is_set) is_set = std::setlocale(LC_NUMERIC, name) != nullptr;
+  }
+  ~DecimalComma() { std::setlocale(LC_NUMERIC, "C"); }
+  DecimalComma(const DecimalComma&) = delete;
+  DecimalComma& operator=(const DecimalComma&) = delete;
+  bool is_set = false;
+};
+
+TEST(ImportMesh, ReadsNumbersAlikeInAnyLocaleOfTheHost) {
+  const DecimalComma comma;
+  if (!comma.is_set) GTEST_SKIP() << "no locale with a decimal comma";
+  const IndexedMesh mesh =
+      import_good(".obj", "v 1.5 0 0\nv 2.5e-400 -2.5e-400 1\nv 2.5 0 0\nf 1 2 3\n");
+  EXPECT_EQ(mesh.positions_m.at(0), (Point{1.5, 0, 0}));
+  EXPECT_EQ(mesh.positions_m.at(1), (Point{0, 0, 1}));
+  expect_refused(".obj", "v 0 1.5e400 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+                 StatusCode::kInvalidArgument, "1.5e400");
 }
 
 TEST(ImportMesh, RefusesUtf16) {

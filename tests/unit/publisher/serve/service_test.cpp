@@ -886,7 +886,8 @@ TEST(Service, TellsOfALaterEpochOfItsNames) {
 
 TEST(Service, RefusesNamesThatDoNotFit) {
   Desk desk;
-  for (const std::string& name : {std::string(), std::string(64, 'x')})
+  // A hello with such a name is not sent, so that none of the models would be served.
+  for (const std::string& name : {std::string(), std::string(64, 'x'), std::string("m\xc3\xa9")})
     EXPECT_EQ(desk.service.add_model(name, desk.open()).code(), StatusCode::kInvalidArgument);
 }
 

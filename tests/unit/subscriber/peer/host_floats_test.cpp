@@ -2,6 +2,7 @@
 // A session in a host that has set the processor to compute otherwise.
 #include "host_floats.hpp"
 
+#include "bad_motions.hpp"
 #include "local_host.hpp"
 
 namespace nearmesh::test {
@@ -19,6 +20,10 @@ TEST(HostFloatsOfASession, LeaveAnswersAsTheyAre) {
     LocalChannel* link = made.get();
     digests.push_back(made->add_model("terrain", terrain().open()).is_ok() ? 1 : 0);
     digests.push_back(made->add_model("aircraft", aircraft().open()).is_ok() ? 1 : 0);
+    // To be refused, not to trap, nor to be taken for 0.
+    for (const SessionOptions& wrong :
+         {SessionOptions{.margin_m = kNan}, SessionOptions{.sweep_s = kDenormal}})
+      digests.push_back(check(wrong).is_ok() ? 1 : 0);
     Session session(std::move(made), {.lookahead_s = 0.2, .sweep_s = 0.1, .contacts = true});
     const BodyId ground = session.add_body({.name = "ground", .model = "terrain"}).value();
     const BodyId one = session.add_body({.name = "one", .model = "aircraft", .own = true}).value();
@@ -45,6 +50,9 @@ TEST(HostFloatsOfASession, LeaveAnswersAsTheyAre) {
     const auto ready = session.region_readiness(ground, {-50, -50, -50}, {50, 50, 50});
     digests.push_back(std::bit_cast<std::uint64_t>(ready.value().uncertainty_m));
     digests.push_back(session.readiness(one).value().pairs);
+    const Result<Session::HeldMesh> held = session.held_mesh(one);
+    for (const auto& corner : held.value().exact_m)
+      for (const double at_m : corner) digests.push_back(std::bit_cast<std::uint64_t>(at_m));
     return digests;
   });
 }

@@ -111,6 +111,9 @@ TEST(WaitReady, BlocksUntilCertifiedOrUntilTheTimeIsOver) {
   EXPECT_NE(late.value().readiness.reason.find("no pose of body two"), std::string::npos);
 
   EXPECT_EQ(wait_ready(*host.session, BodyId{}, 1).status().code(), StatusCode::kNotFound);
+  for (const double timeout_s : {-1.0, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_EQ(wait_ready(*host.session, kTwo, timeout_s).status().code(),
+              StatusCode::kInvalidArgument);
   EXPECT_EQ(wait_ready(*host.session, kOne, 1, {{BodyId{7}, {}}}).status().code(),
             StatusCode::kNotFound);
 }

@@ -4,12 +4,14 @@
 #include <limits>
 
 #include "bad_motions.hpp"
+#include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
 namespace {
 
+using subscriber::PairAnswer;
 using subscriber::Session;
 using subscriber::SessionOptions;
 using test::aircraft;
@@ -560,6 +562,13 @@ TEST(Session, RefusesMalformedDeclarations) {
   EXPECT_EQ(added("one", "aircraft"), StatusCode::kConflict);
   EXPECT_EQ(added("", "aircraft"), StatusCode::kInvalidArgument);
   EXPECT_EQ(added("x", std::string(64, 'm')), StatusCode::kInvalidArgument);
+  // What the bus refuses, with all that is told beside it.
+  for (const std::string& name : {std::string("H\xc3\xa4her"), std::string(" x"),
+                                  std::string("x\ny"), std::string("x\0y", 3)}) {
+    EXPECT_EQ(added(name, "aircraft"), StatusCode::kInvalidArgument);
+    EXPECT_EQ(added("x", name), StatusCode::kInvalidArgument);
+    EXPECT_EQ(session->replace_model(kOne, name).code(), StatusCode::kInvalidArgument);
+  }
   EXPECT_EQ(session->place_body({}, {}).code(), StatusCode::kNotFound);
   EXPECT_EQ(session->place_body(kGround, {.translation_m = {kNan, 0, 0}}).code(),
             StatusCode::kInvalidArgument);

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "nearmesh/core/base/content_hash.hpp"
@@ -488,6 +489,9 @@ inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
 /// An Echo that may be lost: on a topic of its own.
 struct Probe : Echo {};
 
+/// Whether a body or a model may be called so. Names go to logs, file names and JSON: 1 to kMaxNameBytes of printable ASCII without blanks
+/// at the ends, so that nothing can be hidden in them. Errors: kInvalidArgument beginning with `field`.
+[[nodiscard]] Status check_name(std::string_view name, const char* field);
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
 

@@ -31,8 +31,8 @@ namespace nearmesh::subscriber {
 using BodyId = Id<struct BodyTag>;
 
 struct BodyOptions {
-  std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes
-  std::string model;   ///< the publisher's name for it; 1 to 63 bytes
+  std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks at the ends
+  std::string model;   ///< the publisher's name for it; the same
   bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
   /// Pins the model, for all bodies that use it: no other content is ever taken. None: what publishers agree on.
@@ -94,8 +94,9 @@ struct SessionOptions {
   /// Of each depth, as DepthOptions::max_tests: some 2 to 5 ns each, so 1 to 2 ms.
   std::uint64_t max_depth_tests = kDepthTests;
   /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
-  /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
-  /// throws, never waits and calls nothing of the host's.
+  /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame, and must not call the
+  /// session; a job never throws, never waits and calls nothing of the host's. A job that it leaves out is run afterwards, one that it runs
+  /// twice is run once. What it throws comes out of update() at the end: all is done then but the report, which is lost.
   RunJobs run_jobs;
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
@@ -320,7 +321,8 @@ class Session {
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
   /// is removed, and another. So are motions of some links of a robot, without the others'.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time, a budget below 0, and the options that
-  /// check() refuses; nothing was changed then.
+  /// check() refuses; nothing was changed then. kConflict, of probe() too, after an update that an exception ended half-way (std::bad_alloc,
+  /// or one of a channel of the host's): nothing is certified from then on, end the session.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
