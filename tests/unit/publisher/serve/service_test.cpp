@@ -589,23 +589,28 @@ TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
   }
 }
 
-/// Two bodies of the terrain, of a peer that says that it holds all of it.
-wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
-                                 bool truly) {
-  ModelFile file = desk.open();
-  const std::vector<std::uint8_t> held = test::held_whole(file.header());
-  Mirror all(file);
-  EXPECT_EQ(all.hold(held).message(), "");
+/// Two bodies of a model, of a peer that says what it holds of it.
+wire::RegionSubscription telling(std::uint32_t number, wire::SessionId peer,
+                                 const CertificateRequest::Model& model) {
   wire::RegionSubscription subscription;
   subscription.peer = peer;
   subscription.request = number;
   subscription.publisher = kPublisher;
   subscription.window_bytes = 1 << 20;
   CertificateRequest& asked = subscription.certificate.emplace();
-  asked.models = {{desk.hash(), all.state() + (truly ? 0 : 1), held}};
+  asked.models = {model};
   asked.pairs.resize(1);
   asked.pairs[0].translation_m[2] = 1e5F;  // far off: nothing is lacking
   return subscription;
+}
+
+/// Of the terrain, all of it.
+wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
+                                 bool truly) {
+  ModelFile file = desk.open();
+  const std::vector<std::uint8_t> held = test::held_whole(file.header());
+  const std::shared_ptr<Mirror> all = make_mirror(file, held).value();
+  return telling(number, peer, {desk.hash(), all->state() + (truly ? 0 : 1), held});
 }
 
 // To make a mirror of a peer's word takes long, and the word may be false: a peer that says it again and again waits for its turn.
@@ -624,7 +629,6 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
     desk.service.step(now_s);
     for (const auto& message : desk.received()) judged += message.wants_regions ? 1 : 0;
   }
-  // Some 0.5 us a split, 1e-4 s each: below a hundredth of the time, and of two seconds that are lent.
   const double paid_s = 1e-4 * static_cast<double>(splits) * static_cast<double>(judged);
   EXPECT_LE(paid_s, kSeconds + 2 + 1e-4 * static_cast<double>(splits));
   EXPECT_GE(paid_s, kSeconds - 2);
@@ -643,6 +647,38 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   const auto mine = desk.received();
   ASSERT_FALSE(mine.empty());
   EXPECT_EQ(mine.back().request, silent.request);
+}
+
+// It is taken in turns, as all else is, so nobody waits for it, not even of many such.
+TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(260, 7), 16);
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
+  ModelFile file = ModelFile::open(path->path()).value();
+  const std::vector<std::uint8_t> held = test::held_whole(file.header());
+  const std::uint64_t state = make_mirror(file, held).value()->state();
+  std::vector<std::unique_ptr<subscriber::Channel>> ends;
+  for (wire::SessionId id = 0xc0; id < 0xcc; ++id) {
+    ends.push_back(desk.bus.make_peer(id));
+    desk.bus.inject(telling(1, id, {file.content_hash(), state, held}));
+  }
+  desk.service.step(1);
+  wire::RegionSubscription other = desk.request(1, 10);
+  other.peer = kOtherPeer;
+  desk.bus.inject(other);
+  desk.service.step(1);
+  const auto others = desk.other_received();
+  ASSERT_FALSE(others.empty());
+  EXPECT_TRUE(others.back().last);
+  for (auto& end : ends) EXPECT_TRUE(end->take().batches.empty()) << "it takes more turns";
+  // All have theirs in the end.
+  for (int i = 0; i < 100 && desk.service.is_behind(); ++i) desk.service.step(1);
+  for (auto& end : ends) {
+    const auto answered = end->take().batches;
+    ASSERT_FALSE(answered.empty());
+    EXPECT_TRUE(answered.back().last && !answered.back().refused);
+  }
 }
 
 TEST(Service, NothingIsMadeThatWouldOnlyWait) {
