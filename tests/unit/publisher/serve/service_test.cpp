@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/demand/collect.hpp"
+#include "core/replica/held_nodes.hpp"
 #include "held_whole.hpp"
 #include "memory_channel.hpp"
 #include "test_models.hpp"
@@ -613,13 +614,16 @@ wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::S
   return telling(number, peer, {desk.hash(), all->state() + (truly ? 0 : 1), held});
 }
 
+/// What a split that is told costs, and what is charged for it (service.cpp).
+constexpr double kTold_s = 0.8e-6, kCharged_s = 2e-6;
+
 // To make a mirror of a peer's word takes long, and the word may be false: a peer that says it again and again waits for its turn.
 TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   Desk desk;
   const wire::RegionSubscription lie = telling(desk, 0, kPeer, false);
   const std::size_t splits = desk.model.header.split_count();
   std::size_t judged = 0;
-  constexpr double kBegin_s = 10, kSeconds = 20;
+  constexpr double kBegin_s = 10, kSeconds = 4;
   for (std::uint32_t i = 1; i <= 1000 * kSeconds; ++i) {
     wire::RegionSubscription subscription = lie;
     subscription.request = i;
@@ -629,9 +633,11 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
     desk.service.step(now_s);
     for (const auto& message : desk.received()) judged += message.wants_regions ? 1 : 0;
   }
-  const double paid_s = 1e-4 * static_cast<double>(splits) * static_cast<double>(judged);
-  EXPECT_LE(paid_s, kSeconds + 2 + 1e-4 * static_cast<double>(splits));
-  EXPECT_GE(paid_s, kSeconds - 2);
+  // And as much is lent as it costs to tell once all that is taken of a model.
+  const double told_s = kCharged_s * static_cast<double>(splits),
+               paid_s = told_s * static_cast<double>(judged);
+  EXPECT_LE(paid_s, kSeconds + kCharged_s * static_cast<double>(MirrorMaker::kMostHeld) + told_s);
+  EXPECT_GE(paid_s, kSeconds);
   // Another one is taken at its word at once, and so is who says nothing of the kind.
   desk.bus.inject(telling(desk, 1, kOtherPeer, true));
   wire::RegionSubscription silent = lie;
@@ -678,6 +684,55 @@ TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
     const auto answered = end->take().batches;
     ASSERT_FALSE(answered.empty());
     EXPECT_TRUE(answered.back().last && !answered.back().refused);
+  }
+}
+
+// What comes by regions is not on its mirror, so it says what it holds with each request for a certificate.
+TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(144, 7), 16);
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
+  ModelFile file = ModelFile::open(path->path()).value();
+  const ContentHash content = file.content_hash();
+  const std::size_t splits = file.header().split_count();
+  ASSERT_GT(splits, 20'000U);
+  // All of it, and all but one split.
+  const std::shared_ptr<Mirror> peers = make_mirror(file, test::held_whole(file.header())).value();
+  ActiveMesh& mesh = peers->model().mesh;
+  const CertificateRequest::Model whole{content, mesh.state_hash(), held_nodes(mesh).bits};
+  NodeSpan last = file.header().roots.front().node;
+  while (last.size > 2) {
+    const VertexId split = file.store().split_of(last);
+    last = std::max(last.left_of(split), last.right_of(split),
+                    [](NodeSpan one, NodeSpan other) { return one.size < other.size; });
+  }
+  RefineDelta delta;
+  mesh.collapse(last, delta);
+  const CertificateRequest::Model less{content, mesh.state_hash(), held_nodes(mesh).bits};
+
+  wire::RegionSubscription region = desk.request(0, 1);
+  region.content_hash = content;
+  region.region.attach = {file.header().roots.front().node};
+  const auto expect_answered = [&](std::uint32_t number, double at_s) {
+    const auto batches = desk.received();
+    ASSERT_FALSE(batches.empty()) << "request " << number << " at " << at_s;
+    EXPECT_EQ(batches.back().request, number) << "at " << at_s;
+    EXPECT_TRUE(batches.back().last && !batches.back().refused);
+    desk.bus.inject(desk.credit(batches.back().sequence));
+  };
+  std::uint32_t number = 0;
+  for (int i = 0; i < 40; ++i) {
+    double now_s = 10 + 0.05 * i;
+    region.request = ++number;
+    desk.bus.inject(region);
+    desk.service.step(now_s);
+    expect_answered(number, now_s);
+    desk.bus.inject(telling(++number, kPeer, i % 2 == 0 ? whole : less));
+    desk.service.step(now_s);
+    now_s += kTold_s * static_cast<double>(splits);
+    desk.service.step(now_s);
+    expect_answered(number, now_s);
   }
 }
 
