@@ -282,34 +282,66 @@ Result<CertificateMaker::Part> CertificateMaker::next(std::uint64_t round_tests)
   return Part{};
 }
 
-BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest& request,
-                                   Mirrors& mirrors,
-                                   const std::function<ModelFile*(const ContentHash&)>& file_of) {
-  std::vector<std::shared_ptr<Mirror>> found;
-  for (const CertificateRequest::Model& model : request.models) {
-    ModelFile* file = file_of(model.content);
-    if (file == nullptr)
-      return {{}, "content " + to_hex(model.content) + " is not served here", {}, true};
-    auto mirror = mirrors.find(peer, *file, model.state, model.held);
-    if (!mirror.is_ok()) return {{}, mirror.status().message(), {}, true};
-    if (mirror.value() == nullptr)
-      return {{},
-              "the state of content " + to_hex(model.content) + " is not known",
-              model.content,
-              false};
-    found.push_back(std::move(mirror).value());
+CertificateBeginner::CertificateBeginner(std::uint64_t peer, CertificateRequest request,
+                                         Mirrors& mirrors, FileOf file_of)
+    : peer_(peer), request_(std::move(request)), mirrors_(&mirrors), file_of_(std::move(file_of)) {}
+
+std::optional<BegunCertificate> CertificateBeginner::next(std::size_t splits) {
+  while (found_.size() < request_.models.size()) {
+    CertificateRequest::Model& model = request_.models[found_.size()];
+    if (maker_ == nullptr) {
+      ModelFile* file = file_of_(model.content);
+      if (file == nullptr)
+        return BegunCertificate{
+            {}, "content " + to_hex(model.content) + " is not served here", {}, true};
+      if (auto known = mirrors_->find(peer_, *file, model.state)) {
+        found_.push_back(std::move(known));
+        continue;
+      }
+      if (model.held.empty())
+        return BegunCertificate{{},
+                                "the state of content " + to_hex(model.content) + " is not known",
+                                model.content,
+                                false};
+      maker_ = std::make_unique<MirrorMaker>(*file, std::move(model.held));
+    }
+    const std::size_t before = maker_->told_splits();
+    Result<std::shared_ptr<Mirror>> made = maker_->next(splits);
+    const std::size_t done = maker_->told_splits() - before;
+    told_splits_ += done;
+    if (!made.is_ok()) return BegunCertificate{{}, made.status().message(), {}, true};
+    if (made.value() == nullptr) return std::nullopt;
+    splits -= done;
+    maker_.reset();
+    if (made.value()->state() != model.state)
+      return BegunCertificate{{},
+                              "what is held of content " + to_hex(model.content) +
+                                  " is not the state that is said to be held",
+                              {},
+                              true};
+    mirrors_->keep(peer_, made.value());
+    found_.push_back(std::move(made).value());
   }
+  return begin();
+}
+
+BegunCertificate CertificateBeginner::begin() {
   // A query of a solid rests on its surface being closed.
-  for (const CertificateRequest::Pair& pair : request.pairs)
+  for (const CertificateRequest::Pair& pair : request_.pairs)
     for (const auto& [model, is_solid] :
          {std::pair{pair.a, pair.solid_a}, std::pair{pair.b, pair.solid_b}})
       if (is_solid)
         if (const Status status =
-                check_solid(found[model]->file().header().surface,
-                            "of content " + to_hex(request.models[model].content));
+                check_solid(found_[model]->file().header().surface,
+                            "of content " + to_hex(request_.models[model].content));
             !status.is_ok())
           return {{}, status.message(), {}, true};
-  return {CertificateMaker(request, std::move(found)), {}, {}, false};
+  return {CertificateMaker(std::move(request_), std::move(found_)), {}, {}, false};
+}
+
+BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest& request,
+                                   Mirrors& mirrors, const CertificateBeginner::FileOf& file_of) {
+  return *CertificateBeginner(peer, request, mirrors, file_of).next(~std::size_t{0});
 }
 
 }  // namespace nearmesh

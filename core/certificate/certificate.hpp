@@ -77,9 +77,36 @@ struct BegunCertificate {
   bool wants_regions = false;  ///< the peer is to ask for regions
 };
 
-/// `file_of`: the file of a content that is served here; else nullptr. In: a request that check_request() accepted.
-[[nodiscard]] BegunCertificate begin_certificate(
-    std::uint64_t peer, const CertificateRequest& request, Mirrors& mirrors,
-    const std::function<ModelFile*(const ContentHash&)>& file_of);
+/// Finds the mirrors for a request, and makes those that are not there of what the peer says that it holds, in parts. Threads: one at a time.
+class CertificateBeginner {
+ public:
+  /// The file of a content that is served here; else nullptr.
+  using FileOf = std::function<ModelFile*(const ContentHash&)>;
+  /// In: a request that check_request() accepted. The mirrors must outlive it.
+  CertificateBeginner(std::uint64_t peer, CertificateRequest request, Mirrors& mirrors,
+                      FileOf file_of);
+
+  /// Does so many of the splits that are told. Out: none while there are more.
+  [[nodiscard]] std::optional<BegunCertificate> next(std::size_t splits);
+  /// So many were looked at, true or not.
+  [[nodiscard]] std::size_t told_splits() const { return told_splits_; }
+
+ private:
+  [[nodiscard]] BegunCertificate begin();
+
+  std::uint64_t peer_;
+  CertificateRequest request_;
+  Mirrors* mirrors_;
+  FileOf file_of_;
+  std::vector<std::shared_ptr<Mirror>> found_;  // of the request's models, in their order
+  std::unique_ptr<MirrorMaker> maker_;          // of the one after these
+  std::size_t told_splits_ = 0;
+};
+
+/// The same at once.
+[[nodiscard]] BegunCertificate begin_certificate(std::uint64_t peer,
+                                                 const CertificateRequest& request,
+                                                 Mirrors& mirrors,
+                                                 const CertificateBeginner::FileOf& file_of);
 
 }  // namespace nearmesh

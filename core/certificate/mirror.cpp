@@ -5,8 +5,6 @@
 #include <map>
 #include <string>
 
-#include "core/replica/held_nodes.hpp"
-
 namespace nearmesh {
 
 Mirror::Mirror(ModelFile& file) : file_(&file), model_(file.store(), file.header().grid) {}
@@ -23,50 +21,72 @@ Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
   return std::move(delta.split);
 }
 
-Status Mirror::hold(std::span<const std::uint8_t> held, std::size_t most) {
-  const std::size_t before = told_splits_;
-  const auto require = [&](NodeSpan node) -> Status {
-    if (++told_splits_ - before > most)
-      return {StatusCode::kUnsupported, file_->path() + ": more than " + std::to_string(most) +
-                                            " splits are said to be held"};
-    return file_->require(node);
-  };
-  const Result<SplitBatch> batch = held_batch(file_->store(), require, held);
-  NEARMESH_RETURN_IF_ERROR(batch);
+MirrorMaker::MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::size_t most)
+    : mirror_(std::make_shared<Mirror>(file)),
+      walk_(
+          file.store(),
+          [this](NodeSpan node) -> Status {
+            if (++told_splits_ > most_)
+              return {StatusCode::kUnsupported, mirror_->file().path() + ": more than " +
+                                                    std::to_string(most_) +
+                                                    " splits are said to be held"};
+            return mirror_->file().require(node);
+          },
+          std::move(held)),
+      most_(most) {}
+
+Result<std::shared_ptr<Mirror>> MirrorMaker::next(std::size_t splits) {
+  LocalModel& model = mirror_->model();
   RefineDelta delta;
-  for (const SplitRecord& record : batch.value().splits)
-    static_cast<void>(model_.mesh.split(record.split, delta));  // parents come first
-  for (const NodeHalfSpace& told : batch.value().half_spaces)
-    static_cast<void>(model_.mesh.add_half_space(told.node, told.half_space, delta));
-  model_.tree.update(delta);
-  return Status::ok();
+  while (splits > 0) {
+    const Result<const HeldWalk::Node*> next = walk_.next();
+    NEARMESH_RETURN_IF_ERROR(next);
+    if (next.value() == nullptr) {
+      model.tree.update(delta);
+      return std::move(mirror_);
+    }
+    const HeldWalk::Node& held = *next.value();
+    for (const HalfSpace& half_space : held.half_spaces)
+      static_cast<void>(model.mesh.add_half_space(held.node, half_space, delta));
+    if (!held.split.is_valid()) continue;
+    static_cast<void>(model.mesh.split(held.split, delta));  // parents come first
+    --splits;
+  }
+  model.tree.update(delta);
+  return std::shared_ptr<Mirror>();
 }
 
-Result<std::shared_ptr<Mirror>> Mirrors::find(std::uint64_t peer, ModelFile& file,
-                                              std::uint64_t state,
-                                              std::span<const std::uint8_t> held) {
-  auto at = entries_.begin();
-  while (at != entries_.end() && (at->peer != peer || at->file != &file)) ++at;
+Result<std::shared_ptr<Mirror>> make_mirror(ModelFile& file, std::vector<std::uint8_t> held,
+                                            std::size_t most) {
+  return MirrorMaker(file, std::move(held), most).next(~std::size_t{0});
+}
+
+std::shared_ptr<Mirror> Mirrors::find(std::uint64_t peer, ModelFile& file, std::uint64_t state) {
+  const auto at = entry_of(peer, file);
   if (at != entries_.end() && at->state() == state && at->wake()) {
     entries_.splice(entries_.begin(), entries_, at);
     make_room();
     return entries_.front().mirror;
   }
   if (at != entries_.end()) entries_.erase(at);
-  auto mirror = std::make_shared<Mirror>(file);
-  if (mirror->state() != state) {
-    if (held.empty()) return std::shared_ptr<Mirror>();
-    const Status took = mirror->hold(held);
-    told_splits_ += mirror->told_splits();
-    NEARMESH_RETURN_IF_ERROR(took);
-    if (mirror->state() != state)
-      return Status{StatusCode::kConflict, "what is held of content " +
-                                               to_hex(file.content_hash()) +
-                                               " is not the state that is said to be held"};
-  }
-  entries_.push_front({.peer = peer, .file = &file, .mirror = mirror, .held = {}});
+  // Who holds nothing need not say so.
+  auto fresh = std::make_shared<Mirror>(file);
+  if (fresh->state() != state) return nullptr;
+  keep(peer, fresh);
+  return fresh;
+}
+
+void Mirrors::keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror) {
+  if (const auto at = entry_of(peer, mirror->file()); at != entries_.end()) entries_.erase(at);
+  ModelFile& file = mirror->file();
+  entries_.push_front({.peer = peer, .file = &file, .mirror = std::move(mirror), .held = {}});
   make_room();
-  return mirror;
+}
+
+Mirrors::Entries::iterator Mirrors::entry_of(std::uint64_t peer, const ModelFile& file) {
+  return std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+    return entry.peer == peer && entry.file == &file;
+  });
 }
 
 void Mirrors::forget(std::uint64_t peer) {
@@ -84,10 +104,9 @@ void Mirrors::Entry::sleep() {
 /// False where what was kept does not give the same again: its peer is to say what it holds.
 bool Mirrors::Entry::wake() {
   if (mirror) return true;
-  auto anew = std::make_shared<Mirror>(*file);
-  if (!anew->hold(held).is_ok() || anew->state() != asleep_state) return false;
-  mirror = std::move(anew);
-  held = {};
+  Result<std::shared_ptr<Mirror>> anew = make_mirror(*file, std::move(held));
+  if (!anew.is_ok() || anew.value()->state() != asleep_state) return false;
+  mirror = std::move(anew).value();
   return true;
 }
 

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/replica/held_nodes.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -25,19 +26,34 @@ class Mirror {
   [[nodiscard]] std::uint64_t state() const { return model_.mesh.state_hash(); }
   /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those of reading the file.
   [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);
-  /// More is not taken on a peer's word: two bits may stand for a whole model.
-  static constexpr std::size_t kMostHeld = 262'144;
-  /// Makes a fresh mirror hold what a peer says (replica/held_nodes.hpp). Errors: those of held_batch(); kUnsupported for more
-  /// than `most` splits. Nothing is changed then.
-  [[nodiscard]] Status hold(std::span<const std::uint8_t> held, std::size_t most = kMostHeld);
-  /// So many splits hold() has looked at, also where it failed.
-  [[nodiscard]] std::size_t told_splits() const { return told_splits_; }
 
  private:
-  std::size_t told_splits_ = 0;
   ModelFile* file_;
   LocalModel model_;
 };
+
+/// Makes a mirror that holds what a peer says (replica/held_nodes.hpp), in parts, since a word of a few bytes may take 0.2 s.
+class MirrorMaker {
+ public:
+  /// More is not taken on a peer's word: two bits may stand for a whole model.
+  static constexpr std::size_t kMostHeld = 262'144;
+  MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = kMostHeld);
+  MirrorMaker(const MirrorMaker&) = delete;  // its walk refers to it
+
+  /// Does so many splits more, or what is left of them. Out: the mirror once it holds all, else nullptr. Errors: those of held_batch();
+  /// kUnsupported for more than `most` splits in all. It is over then.
+  [[nodiscard]] Result<std::shared_ptr<Mirror>> next(std::size_t splits);
+  /// So many splits were looked at, also where that failed.
+  [[nodiscard]] std::size_t told_splits() const { return told_splits_; }
+
+ private:
+  std::shared_ptr<Mirror> mirror_;
+  HeldWalk walk_;
+  std::size_t most_, told_splits_ = 0;
+};
+/// The same at once.
+[[nodiscard]] Result<std::shared_ptr<Mirror>> make_mirror(
+    ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = MirrorMaker::kMostHeld);
 
 /// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
 /// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and they are made anew when they are asked for.
@@ -52,15 +68,12 @@ class Mirrors {
   static constexpr std::size_t kMaxAwakeSplits = 250'000, kSplitsAMirror = 1'000;
   static constexpr std::size_t kShares = 4;
 
-  /// The mirror of a peer's model in the state that it says, by the peer's word of what it holds if that is not empty.
-  /// Out: nullptr where the state is not known: ask the peer what it holds. Errors: those of Mirror::hold(); kConflict where
-  /// what the peer says that it holds is not the state that it says.
-  [[nodiscard]] Result<std::shared_ptr<Mirror>> find(std::uint64_t peer, ModelFile& file,
-                                                     std::uint64_t state,
-                                                     std::span<const std::uint8_t> held);
+  /// The mirror of a peer's model in the state that it says. Out: nullptr where that is not known: the peer is to say what it holds.
+  [[nodiscard]] std::shared_ptr<Mirror> find(std::uint64_t peer, ModelFile& file,
+                                             std::uint64_t state);
+  /// The peer's mirror of its model from now on.
+  void keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror);
   void forget(std::uint64_t peer);
-  /// So many splits were looked at, of all that peers said that they hold. Some 0.5 us each.
-  [[nodiscard]] std::uint64_t told_splits() const { return told_splits_; }
   [[nodiscard]] std::size_t awake_count() const;
   /// What those asleep take.
   [[nodiscard]] std::size_t asleep_bytes() const;
@@ -82,12 +95,12 @@ class Mirrors {
     [[nodiscard]] bool wake();
   };
   using Entries = std::list<Entry>;
+  [[nodiscard]] Entries::iterator entry_of(std::uint64_t peer, const ModelFile& file);
   void make_room();
   template <class Size>
   void make_room(std::size_t most, Size size, bool may_sleep);
 
   Entries entries_;  // the one used last in front
-  std::uint64_t told_splits_ = 0;
 };
 
 }  // namespace nearmesh

@@ -89,8 +89,8 @@ Status set_heights(HeightGrid& grid, const TerrainOptions& options) {
   }
   if (!std::isfinite(grid.offset) || !std::isfinite(grid.scale))
     return invalid("--heights: expected finite numbers");
-  if (options.fill && !std::isfinite(*options.fill))
-    return invalid("--fill: expected a finite height");
+  if (options.fill && !std::isfinite(*options.fill * grid.height_unit))
+    return invalid("--fill: expected a finite height in the unit of the file's heights");
   return Status::ok();
 }
 
@@ -106,7 +106,9 @@ std::optional<double> as_sample(const HeightGrid& grid, std::optional<double> no
 
 /// Samples become heights; those without data NaN, or the fill.
 Result<PostsWithoutData> fill_heights(HeightGrid& grid, const TerrainOptions& options) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  // A height as the others are, so in their unit, and no sample: offset and scale are no matter of it.
+  const double instead =
+      options.fill ? *options.fill * grid.height_unit : std::numeric_limits<double>::quiet_NaN();
   const auto is = [](std::optional<double> nodata, double sample) {
     return nodata && (sample == *nodata || (std::isnan(*nodata) && std::isnan(sample)));
   };
@@ -118,7 +120,7 @@ Result<PostsWithoutData> fill_heights(HeightGrid& grid, const TerrainOptions& op
     const bool is_by_option = is(by_option, sample);
     missing.by_option += is_by_option ? 1 : 0;
     if (is_by_option || is(by_file, sample) || (!grid.is_masked.empty() && grid.is_masked[i])) {
-      sample = options.fill.value_or(kNone);
+      sample = instead;
       ++missing.count;
       continue;
     }

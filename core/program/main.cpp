@@ -60,7 +60,8 @@ void add_import_flags(CLI::App* command, BuildOptions& options) {
   add_for_grids("--nodata", options.nodata,
                 "The sample that means no data, beside the one that the file states; may be nan");
   add_for_grids("--fill", options.fill,
-                "Height of posts without data (default: none, they leave holes)");
+                "Height of posts without data, in the unit of the file's heights; no sample "
+                "(default: none, they leave holes)");
   add_for_grids(
       "--heights", options.heights,
       "OFFSET,STEP: a height is OFFSET + STEP x sample; of colours, a sample is 65536 red + 256 "

@@ -111,7 +111,8 @@ Result<std::optional<TerrainOptions>> terrain_options(const BuildOptions& option
   NEARMESH_RETURN_IF_ERROR(set_two("--corner", options.corner, "X,Y", out.corner));
   NEARMESH_RETURN_IF_ERROR(set_two("--heights", options.heights, "OFFSET,STEP", out.heights));
   NEARMESH_RETURN_IF_ERROR(set_one("--nodata", options.nodata, "a number or nan", out.nodata));
-  NEARMESH_RETURN_IF_ERROR(set_one("--fill", options.fill, "a height", out.fill));
+  NEARMESH_RETURN_IF_ERROR(
+      set_one("--fill", options.fill, "a height in the unit of the file's heights", out.fill));
   if (!options.raw.empty()) {
     out.raw = parse_raw(options.raw);
     if (!out.raw)
@@ -142,7 +143,7 @@ void print_terrain(const ImportedTerrain& terrain) {
   std::printf("  terrain       %llu x %llu posts, %llu without data", count(terrain.columns),
               count(terrain.rows), count(terrain.posts_without_data));
   if (terrain.posts_without_data > 0 && terrain.fill)
-    std::printf(": filled with a height of %.9g", *terrain.fill);
+    std::printf(": filled with a height of %.9g, in the unit of the file's heights", *terrain.fill);
   if (terrain.posts_without_data > 0 && !terrain.fill) std::printf(": holes");
   std::printf("\n  frame         %s\n", frame_text(terrain).c_str());
 }

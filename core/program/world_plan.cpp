@@ -63,7 +63,7 @@ Result<fs::path> folder_of(const BuildWorldOptions& options,
                            const std::optional<CommonLattice>& there) {
   // Another first number where the same plan gives other tiles: its notes say what became of them.
   const BuildOptions& build = options.build;
-  json parts = {2,
+  json parts = {3,
                 options.tile_faces,
                 build.grid_bits,
                 build.base_faces,

@@ -25,34 +25,6 @@ class BitWriter {
   std::size_t count_ = 0;
 };
 
-class BitReader {
- public:
-  explicit BitReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
-  /// Beyond the end: 0, and it has failed.
-  bool get() {
-    if (at_ >= 8 * bytes_.size()) {
-      failed_ = true;
-      return false;
-    }
-    const bool bit = (bytes_[at_ / 8] >> at_ % 8 & 1U) != 0;
-    ++at_;
-    return bit;
-  }
-  std::uint32_t get(int bits) {
-    std::uint32_t value = 0;
-    for (int i = 0; i < bits; ++i) value |= std::uint32_t{get()} << i;
-    return value;
-  }
-  /// All was read, but for what fills the last byte.
-  [[nodiscard]] bool is_over() const { return !failed_ && (at_ + 7) / 8 == bytes_.size(); }
-  [[nodiscard]] bool has_failed() const { return failed_; }
-
- private:
-  std::span<const std::uint8_t> bytes_;
-  std::size_t at_ = 0;
-  bool failed_ = false;
-};
-
 /// Whether all vertices of a node are active.
 bool is_whole(const ActiveMesh& mesh, NodeSpan node) {
   for (std::uint32_t first = node.begin(); first < node.end(); first += 64) {
@@ -69,87 +41,18 @@ std::uint64_t word_of(const BoxCode& code) {
   return word;
 }
 
-/// Makes the batch of what the bits say.
-class HeldReader {
- public:
-  HeldReader(const SplitStore& model, const std::function<Status(NodeSpan)>& require,
-             std::span<const std::uint8_t> bits)
-      : model_(model), require_(require), bits_(bits) {}
-
-  Result<SplitBatch> read() {
-    tells_half_spaces_ = bits_.get();
-    for (const BaseRoot& root : model_.roots()) {
-      stack_.assign(1, {root.node, kNoRecord, false});
-      while (!stack_.empty()) {
-        const Step step = stack_.back();
-        stack_.pop_back();
-        NEARMESH_RETURN_IF_ERROR(take(step));
-      }
-    }
-    if (bits_.is_over()) return std::move(batch_);
-    return Status{StatusCode::kInvalidArgument, "held nodes: more bits than the model has nodes"};
-  }
-
- private:
-  static constexpr std::size_t kNoRecord = ~std::size_t{0};
-  struct Step {
-    NodeSpan node;
-    std::size_t maker;  ///< the record that makes it
-    bool whole;         ///< all below it is done
-  };
-
-  Status take(const Step& step) {
-    if (step.node.size < 2) return Status::ok();
-    const bool is_split = step.whole || bits_.get();
-    const bool whole = step.whole || (is_split && bits_.get());
-    // Inside of what is done none is told: those that are at hand may be needed when detail is given up.
-    if (whole || bits_.get()) give_box(step);
-    while (!is_split && tells_half_spaces_ && bits_.get()) {
-      const auto direction = static_cast<std::uint16_t>(bits_.get(kDirectionBits));
-      const auto reach = static_cast<std::uint8_t>(bits_.get(kReachBits));
-      batch_.half_spaces.push_back({step.node, {direction, reach}});
-    }
-    if (bits_.has_failed())
-      return {StatusCode::kInvalidArgument, "held nodes: fewer bits than the model has nodes"};
-    if (!is_split) return Status::ok();
-    NEARMESH_RETURN_IF_ERROR(require_(step.node));
-    const VertexId split = model_.split_of(step.node);
-    if (!split.is_valid())
-      return {StatusCode::kInvalidArgument, "held nodes: the model lacks " + to_string(step.node)};
-    const std::size_t maker = batch_.splits.size();
-    batch_.splits.push_back(record_of(step.node, split));
-    stack_.push_back({step.node.right_of(split), maker, whole});
-    stack_.push_back({step.node.left_of(split), maker, whole});
-    return Status::ok();
-  }
-
-  SplitRecord record_of(NodeSpan node, VertexId split) {
-    const SplitFaces faces = model_.faces(split);
-    SplitRecord record{.node = node,
-                       .split = split,
-                       .face_begin = static_cast<std::uint32_t>(batch_.faces.size()),
-                       .face_count = static_cast<std::uint32_t>(faces.size())};
-    const GridPoint &from = model_.position(node.first), &to = model_.position(split);
-    for (std::size_t k = 0; k < 3; ++k)
-      record.offset[k] = to[static_cast<int>(k)] - from[static_cast<int>(k)];
-    batch_.faces.insert(batch_.faces.end(), faces.begin(), faces.end());
-    return record;
-  }
-
-  /// Roots have theirs from the header.
-  void give_box(const Step& step) {
-    if (step.maker == kNoRecord) return;
-    SplitRecord& record = batch_.splits[step.maker];
-    (step.node == record.left() ? record.left_box : record.right_box) = model_.box_code(step.node);
-  }
-
-  const SplitStore& model_;
-  const std::function<Status(NodeSpan)>& require_;
-  BitReader bits_;
-  bool tells_half_spaces_ = false;
-  std::vector<Step> stack_;
-  SplitBatch batch_;
-};
+SplitRecord record_of(const SplitStore& model, NodeSpan node, VertexId split, SplitBatch& batch) {
+  const SplitFaces faces = model.faces(split);
+  SplitRecord record{.node = node,
+                     .split = split,
+                     .face_begin = static_cast<std::uint32_t>(batch.faces.size()),
+                     .face_count = static_cast<std::uint32_t>(faces.size())};
+  const GridPoint &from = model.position(node.first), &to = model.position(split);
+  for (std::size_t k = 0; k < 3; ++k)
+    record.offset[k] = to[static_cast<int>(k)] - from[static_cast<int>(k)];
+  batch.faces.insert(batch.faces.end(), faces.begin(), faces.end());
+  return record;
+}
 
 }  // namespace
 
@@ -194,10 +97,87 @@ HeldNodes held_nodes(const ActiveMesh& mesh) {
   return held;
 }
 
+HeldWalk::HeldWalk(const SplitStore& model, std::function<Status(NodeSpan)> require,
+                   std::vector<std::uint8_t> bits)
+    : model_(&model),
+      require_(std::move(require)),
+      bits_(std::move(bits)),
+      tells_half_spaces_(get()) {}
+
+/// Beyond the end: 0, and it has failed.
+bool HeldWalk::get() {
+  if (at_ >= 8 * bits_.size()) {
+    has_failed_ = true;
+    return false;
+  }
+  const bool bit = (bits_[at_ / 8] >> at_ % 8 & 1U) != 0;
+  ++at_;
+  return bit;
+}
+
+std::uint32_t HeldWalk::get(int bits) {
+  std::uint32_t value = 0;
+  for (int i = 0; i < bits; ++i) value |= std::uint32_t{get()} << i;
+  return value;
+}
+
+Result<const HeldWalk::Node*> HeldWalk::next() {
+  while (true) {
+    if (stack_.empty()) {
+      if (roots_ == model_->roots().size()) break;
+      stack_.push_back({model_->roots()[roots_++].node, kNoMaker, false});
+    }
+    const Step step = stack_.back();
+    stack_.pop_back();
+    if (step.node.size < 2) continue;
+    NEARMESH_RETURN_IF_ERROR(take(step));
+    return &node_;
+  }
+  // All was read, but for what fills the last byte.
+  if (!has_failed_ && (at_ + 7) / 8 == bits_.size()) return nullptr;
+  return Status{StatusCode::kInvalidArgument, "held nodes: more bits than the model has nodes"};
+}
+
+Status HeldWalk::take(const Step& step) {
+  const bool is_split = step.whole || get();
+  const bool whole = step.whole || (is_split && get());
+  // Inside of what is done none is told: those that are at hand may be needed when detail is given up.
+  node_ = {.node = step.node, .maker = step.maker, .has_box = whole || get(), .half_spaces = {}};
+  while (!is_split && tells_half_spaces_ && get()) {
+    const auto direction = static_cast<std::uint16_t>(get(kDirectionBits));
+    const auto reach = static_cast<std::uint8_t>(get(kReachBits));
+    node_.half_spaces.push_back({direction, reach});
+  }
+  if (has_failed_)
+    return {StatusCode::kInvalidArgument, "held nodes: fewer bits than the model has nodes"};
+  if (!is_split) return Status::ok();
+  NEARMESH_RETURN_IF_ERROR(require_(step.node));
+  node_.split = model_->split_of(step.node);
+  if (!node_.split.is_valid())
+    return {StatusCode::kInvalidArgument, "held nodes: the model lacks " + to_string(step.node)};
+  const std::size_t maker = splits_++;
+  stack_.push_back({step.node.right_of(node_.split), maker, whole});
+  stack_.push_back({step.node.left_of(node_.split), maker, whole});
+  return Status::ok();
+}
+
 Result<SplitBatch> held_batch(const SplitStore& model,
                               const std::function<Status(NodeSpan)>& require,
                               std::span<const std::uint8_t> bits) {
-  return HeldReader(model, require, bits).read();
+  HeldWalk walk(model, require, {bits.begin(), bits.end()});
+  SplitBatch batch;
+  while (true) {
+    const Result<const HeldWalk::Node*> next = walk.next();
+    NEARMESH_RETURN_IF_ERROR(next);
+    if (next.value() == nullptr) return batch;
+    const auto& [node, split, maker, has_box, half_spaces] = *next.value();
+    if (has_box && maker != HeldWalk::kNoMaker) {  // roots have theirs from the header
+      SplitRecord& record = batch.splits[maker];
+      (node == record.left() ? record.left_box : record.right_box) = model.box_code(node);
+    }
+    for (const HalfSpace& half_space : half_spaces) batch.half_spaces.push_back({node, half_space});
+    if (split.is_valid()) batch.splits.push_back(record_of(model, node, split, batch));
+  }
 }
 
 }  // namespace nearmesh

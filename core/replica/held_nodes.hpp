@@ -31,6 +31,47 @@ struct HeldNodes {
 /// The same of a mesh over any store that knows its splits.
 [[nodiscard]] HeldNodes held_nodes(const ActiveMesh& mesh);
 
+/// Goes through such bits a split at a time, for who has something else to do in between.
+class HeldWalk {
+ public:
+  /// As of held_batch(). The model must outlive it.
+  HeldWalk(const SplitStore& model, std::function<Status(NodeSpan)> require,
+           std::vector<std::uint8_t> bits);
+
+  static constexpr std::size_t kNoMaker = ~std::size_t{0};
+  struct Node {
+    NodeSpan node;
+    VertexId split;  ///< invalid: unresolved
+    std::size_t maker =
+        kNoMaker;  ///< which of the splits before makes it, counted from 0; none makes a root
+    bool has_box = false;
+    std::vector<HalfSpace> half_spaces;
+  };
+  /// The next node of two vertices or more, of which something is said; what makes it came before. Null: there is no other.
+  /// Errors: those of held_batch(); nothing follows then.
+  [[nodiscard]] Result<const Node*> next();
+
+ private:
+  struct Step {
+    NodeSpan node;
+    std::size_t maker;
+    bool whole;  ///< all below it is done
+  };
+  [[nodiscard]] Status take(const Step& step);
+  bool get();
+  [[nodiscard]] std::uint32_t get(int bits);
+
+  const SplitStore* model_;
+  std::function<Status(NodeSpan)> require_;
+  std::vector<std::uint8_t> bits_;
+  std::size_t at_ = 0;
+  bool has_failed_ = false;  // it was read beyond the end
+  bool tells_half_spaces_;
+  std::size_t roots_ = 0, splits_ = 0;  // taken
+  std::vector<Step> stack_;
+  Node node_;
+};
+
 /// What brings a new replica to hold the same, as one batch. `model`: a store that knows the model, or comes to know it by
 /// `require`. Whether the same came out is for the caller to see: state_hash() and held_nodes().box_digest.
 /// Errors: kInvalidArgument for bits that do not fit the model; those of `require`. Cost: O(splits).

@@ -17,17 +17,21 @@ namespace {
 constexpr int kMaxTurns = 128;
 /// Sent before requests are looked at again.
 constexpr int kMaxSent = 64;
-/// Answers that are being collected at a time, since each may take some 20 MB for it.
-constexpr std::size_t kMaxCollecting = 8;
+/// Answers that are being collected at a time, since each may take some 20 MB for it; and mirrors that are being made of peers' words, some 50 MB.
+constexpr std::size_t kMaxCollecting = 8, kMaxMaking = 2;
 constexpr std::size_t kMaxRivals = 256;
 /// Requests of a peer that are not answered in full, before those for parts of worlds replace one another.
 constexpr std::size_t kMaxOpenOfPeer = 128;
 /// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
 constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
-/// A mirror is made of a peer's word in one go, some 0.5 us a split, whether or not the word is true: so much time a split passes
-/// before the next word of the peer counts, and so much may be owed. Peers say what they hold once, when a publisher does not know it.
-constexpr double kToldSplit_s = 1e-4, kToldAtOnce_s = 2;
+/// Splits that are done in a turn to make a mirror of a peer's word: some 0.2 ms, as other turns.
+constexpr std::size_t kToldATurn = 256;
+/// So much time a split passes before the next word of the peer counts, whether or not it was true, and so much may be owed. In such turns a
+/// split takes 0.8 to 0.9 us to be read, done and put into a tree, and up to 2 us where the file was not read so far (medians, models of 256 to
+/// 261,000 splits). So the price is no less than the cost, and one peer's words take less than half of the time. As much as is taken of one
+/// model may be owed, 0.5 s: who holds 20,000 splits may say so 25 times a second, and does not wait.
+constexpr double kToldSplit_s = 2e-6, kToldAtOnce_s = kToldSplit_s * MirrorMaker::kMostHeld;
 
 /// Whether a request asks for detail of this content.
 bool is_about(const wire::RegionSubscription& asked, const ContentHash& content) {
@@ -194,7 +198,11 @@ void Service::take_requests(double now_s) {
       restarts_s = std::max(restarts_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
     const double may_begin_s =
         is_telling(subscription) ? std::max(restarts_s, peer.told_s - kToldAtOnce_s) : restarts_s;
-    open = Open{std::move(subscription), {}, false, kind, may_begin_s, restarts_s};
+    open = Open{.subscription = std::move(subscription),
+                .parts = {},
+                .kind = kind,
+                .may_begin_s = may_begin_s,
+                .restarts_s = restarts_s};
   }
 }
 
@@ -244,15 +252,16 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
   conflicts_ = std::move(found);
 }
 
-/// The end when its queue is full enough at that urgency, or nothing is open that may go on. `may_begin`: or begin.
-Service::OpenRequests::iterator Service::most_urgent(Peer& peer, bool may_begin) const {
+/// The end when its queue is full enough at that urgency, or nothing is open that may go on, or begin where there is room for it.
+Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& room) const {
   const auto rank = [](const Open& open) {
     return std::pair(open.subscription.priority, open.subscription.request);
   };
   auto found = peer.open.end();
   for (auto at = peer.open.begin(); at != peer.open.end(); ++at) {
     const Open& open = at->second;
-    if (open.may_begin_s > now_s_ || !(may_begin || open.parts)) continue;
+    const bool has_room = is_telling(open.subscription) ? room.for_mirror : room.for_answer;
+    if (open.may_begin_s > now_s_ || !(has_room || open.parts)) continue;
     if (found == peer.open.end() || rank(open) < rank(found->second)) found = at;
   }
   if (found == peer.open.end()) return found;
@@ -264,20 +273,24 @@ Service::OpenRequests::iterator Service::most_urgent(Peer& peer, bool may_begin)
   // An answer that is being collected goes on all the same: it adds nothing to the queue until it is through, and others wait for
   // its place.
   return std::find_if(peer.open.begin(), peer.open.end(), [this](const auto& entry) {
-    return entry.second.is_collecting && entry.second.may_begin_s <= now_s_;
+    const Open& open = entry.second;
+    return (open.is_collecting || open.is_making) && open.may_begin_s <= now_s_;
   });
 }
 
 /// Whose last turn is longest ago, and its request.
 std::optional<Service::Turn> Service::next_in_turn() {
-  std::size_t collecting = 0;
+  std::size_t collecting = 0, making = 0;
   for (const auto& [id, peer] : peers_)
-    for (const auto& [key, open] : peer.open) collecting += open.is_collecting ? 1 : 0;
+    for (const auto& [key, open] : peer.open) {
+      collecting += open.is_collecting ? 1 : 0;
+      making += open.is_making ? 1 : 0;
+    }
   std::optional<Turn> next;
   for (auto at = peers_.begin(); at != peers_.end(); ++at) {
     Peer& peer = at->second;
     if (peer.open.empty() || (next && next->peer->second.last_turn <= peer.last_turn)) continue;
-    const auto open = most_urgent(peer, collecting < kMaxCollecting);
+    const auto open = most_urgent(peer, {collecting < kMaxCollecting, making < kMaxMaking});
     if (open != peer.open.end()) next = Turn{at, open};
   }
   return next;
@@ -300,15 +313,17 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
       fault = parts.status();
     }
   }
-  if (fault.is_ok() && !open.parts) {  // the peer is to ask otherwise, and was told so
-    peer.open.erase(at);
-    return;
-  }
   if (fault.is_ok()) {
     Result<Part> part = open.parts();
+    if (part.is_ok() && part.value().instead) {
+      enqueue(peer, open, {std::move(*part.value().instead)});
+      peer.open.erase(at);
+      return;
+    }
     if (part.is_ok()) {
       const bool last = part.value().last;
-      open.is_collecting = !last && part.value().batches.empty();
+      open.is_making = part.value().is_of_mirror;
+      open.is_collecting = !last && !open.is_making && part.value().batches.empty();
       enqueue(
           peer, open,
           wire::answer_messages(session_, open.subscription.request, part.value().content,
@@ -322,36 +337,48 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
   peer.open.erase(at);
 }
 
-/// Out: no parts where the peer is to ask otherwise.
 Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, const Open& open) {
   const wire::RegionSubscription& asked = open.subscription;
-  if (open.kind != Kind::kCertificate) {
-    if (const auto answerer = answerers_.find(asked.content_hash); answerer != answerers_.end())
-      return answerer->second(asked.region);
-    if (WorldSource* world = world_with(asked.content_hash)) return answer(*world, asked);
-    return Status{StatusCode::kNotFound,
-                  "no model, tile or page with that content hash is served here"};
-  }
-  const std::uint64_t told_before = mirrors_.told_splits();
-  BegunCertificate begun =
-      begin_certificate(id, *asked.certificate, mirrors_, [this](const ContentHash& content) {
-        const auto model = models_.find(content);
-        return model == models_.end() || by_region_.contains(content) ? nullptr
-                                                                      : &model->second->file;
-      });
-  peer.told_s = std::max(peer.told_s, now_s_) +
-                kToldSplit_s * static_cast<double>(mirrors_.told_splits() - told_before);
-  if (!begun.maker) {
-    enqueue(peer, open,
-            {wire::redirection_message(session_, asked, begun.why_not, begun.unknown_state,
-                                       begun.wants_regions)});
-    return Parts{};
-  }
-  auto maker = std::make_shared<CertificateMaker>(std::move(*begun.maker));
-  return Parts([maker]() -> Result<Part> {
-    auto made = maker->next();
+  if (open.kind == Kind::kCertificate) return certify(id, peer, asked);
+  if (const auto answerer = answerers_.find(asked.content_hash); answerer != answerers_.end())
+    return answerer->second(asked.region);
+  if (WorldSource* world = world_with(asked.content_hash)) return answer(*world, asked);
+  return Status{StatusCode::kNotFound,
+                "no model, tile or page with that content hash is served here"};
+}
+
+/// The parts are kept beside the request, with the peer, and are gone with both.
+Service::Parts Service::certify(wire::SessionId id, Peer& peer,
+                                const wire::RegionSubscription& asked) {
+  struct Certifying {
+    CertificateBeginner beginner;
+    std::optional<CertificateMaker> maker;
+  };
+  auto its = std::make_shared<Certifying>(Certifying{{id, *asked.certificate, mirrors_,
+                                                      [this](const ContentHash& content) {
+                                                        const auto model = models_.find(content);
+                                                        return model == models_.end() ||
+                                                                       by_region_.contains(content)
+                                                                   ? nullptr
+                                                                   : &model->second->file;
+                                                      }},
+                                                     std::nullopt});
+  return Parts([this, &peer, &asked, its]() -> Result<Part> {
+    if (!its->maker) {
+      const std::size_t told_before = its->beginner.told_splits();
+      std::optional<BegunCertificate> begun = its->beginner.next(kToldATurn);
+      peer.told_s = std::max(peer.told_s, now_s_) +
+                    kToldSplit_s * static_cast<double>(its->beginner.told_splits() - told_before);
+      if (!begun) return Part{.is_of_mirror = true};
+      if (!begun->maker)
+        return Part{.instead =
+                        wire::redirection_message(session_, asked, begun->why_not,
+                                                  begun->unknown_state, begun->wants_regions)};
+      its->maker = std::move(begun->maker);
+    }
+    auto made = its->maker->next();
     NEARMESH_RETURN_IF_ERROR(made);
-    return Part{made.value().content, std::move(made.value().batches), maker->is_done()};
+    return Part{made.value().content, std::move(made.value().batches), its->maker->is_done()};
   });
 }
 

@@ -61,7 +61,10 @@ class Service {
     ContentHash content;  ///< which they are of
     std::vector<std::vector<std::uint8_t>> batches;
     bool last = false;
-    bool are_pieces = false;  ///< of a content's own bytes, instead of batches
+    bool are_pieces = false;    ///< of a content's own bytes, instead of batches
+    bool is_of_mirror = false;  ///< it made a part of a mirror, and nothing else
+    /// In the place of all that: the peer is to ask otherwise.
+    std::optional<wire::SplitBatchMessage> instead = std::nullopt;
   };
   /// The next part of one answer; a status that is not ok refuses, and nothing follows.
   using Parts = std::function<Result<Part>()>;
@@ -110,6 +113,7 @@ class Service {
     wire::RegionSubscription subscription;
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
+    bool is_making = false;      ///< a mirror of what its peer says that it holds
     Kind kind = Kind::kRegion;
     double may_begin_s = 0;  ///< later than now where too much was done for its peer of late
     double restarts_s = 0;   ///< of which what was given up when begun has its part
@@ -141,7 +145,10 @@ class Service {
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
   using OpenRequests = decltype(Peer::open);
-  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer, bool may_begin) const;
+  struct Room {
+    bool for_answer, for_mirror;
+  };
+  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer, const Room& room) const;
   struct Turn {
     Peers::iterator peer;
     OpenRequests::iterator open;
@@ -149,6 +156,8 @@ class Service {
   [[nodiscard]] std::optional<Turn> next_in_turn();
   void serve(const Turn& turn, double now_s, std::vector<std::string>& lines);
   [[nodiscard]] Result<Parts> begin(wire::SessionId id, Peer& peer, const Open& open);
+  [[nodiscard]] Parts certify(wire::SessionId id, Peer& peer,
+                              const wire::RegionSubscription& asked);
   void refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
               double now_s, std::vector<std::string>& lines);
   void enqueue(Peer& peer, const Open& open, std::vector<wire::SplitBatchMessage> messages);

@@ -122,9 +122,8 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
       const Answer answer =
           query(desk.a.view(), posed.value().a, desk.other().view(), posed.value().b);
       if (step == 0) {
-        EXPECT_EQ(
-            desk.a.mesh().state_hash(),
-            desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash(), {}).value()->state());
+        EXPECT_EQ(desk.a.mesh().state_hash(),
+                  desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash())->state());
         EXPECT_TRUE(is_certified(answer.status))
             << "pose " << i << ", " << to_string(answer.status) << ", missing "
             << answer.missing_a.size() << " " << answer.missing_b.size();
@@ -232,12 +231,10 @@ TEST_P(Certificate, NoMoreIsTakenToBeHeldThanAMirrorMayCost) {
   const std::size_t splits = desk.a.mesh().split_count();
   if (splits == 0) return;
   const std::vector<std::uint8_t> held = held_nodes(desk.a).bits;
-  Mirror mirror(desk.file_a);
-  const std::uint64_t fresh = mirror.state();
-  EXPECT_EQ(mirror.hold(held, splits - 1).code(), StatusCode::kUnsupported);
-  EXPECT_EQ(mirror.state(), fresh);
-  EXPECT_TRUE(mirror.hold(held, splits).is_ok());
-  EXPECT_EQ(mirror.state(), desk.a.mesh().state_hash());
+  EXPECT_EQ(make_mirror(desk.file_a, held, splits - 1).status().code(), StatusCode::kUnsupported);
+  const auto mirror = make_mirror(desk.file_a, held, splits);
+  ASSERT_TRUE(mirror.is_ok()) << mirror.status().message();
+  EXPECT_EQ(mirror.value()->state(), desk.a.mesh().state_hash());
 }
 
 TEST_P(Certificate, WhatIsHeldIsNotSentAgain) {
@@ -296,17 +293,16 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
     desk.answer(*begun.maker);
   }
   const std::uint64_t state = desk.a.mesh().state_hash();
-  ASSERT_NE(desk.mirrors.find(kPeer, desk.file_a, state, {}).value(), nullptr);
+  ASSERT_NE(desk.mirrors.find(kPeer, desk.file_a, state), nullptr);
   // Others come: what was longest without use falls asleep.
   const std::size_t others = 2 * Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror;
   for (std::uint64_t peer = 100; peer < 100 + others; ++peer)
-    ASSERT_NE(desk.mirrors.find(peer, desk.file_a, Mirror(desk.file_a).state(), {}).value(),
-              nullptr);
+    ASSERT_NE(desk.mirrors.find(peer, desk.file_a, Mirror(desk.file_a).state()), nullptr);
   EXPECT_LE(desk.mirrors.awake_count(), Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror + 1);
   const std::size_t bytes = desk.mirrors.asleep_bytes();
   EXPECT_GT(bytes, 0U);
   EXPECT_LT(bytes, 1024 * others);
-  const std::shared_ptr<Mirror> again = desk.mirrors.find(kPeer, desk.file_a, state, {}).value();
+  const std::shared_ptr<Mirror> again = desk.mirrors.find(kPeer, desk.file_a, state);
   ASSERT_NE(again, nullptr) << "it is known";
   EXPECT_EQ(again->state(), state);
   const HeldNodes was = held_nodes(desk.a), is = held_nodes(again->model().mesh);
@@ -317,6 +313,35 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
   EXPECT_EQ(desk.answer(*begun.maker), 0U) << "it holds what it did";
 }
 
+TEST(CertificateRequests, MirrorsAreMadeInParts) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
+  Desk desk(terrain, aircraft);
+  CertificateRequest request = desk.ask({}, {}, 0);
+  std::size_t splits = 0;
+  for (const auto& [model, file] :
+       {std::pair(&request.models[0], &desk.file_a), {&request.models[1], &desk.file_b}}) {
+    model->held = test::held_whole(file->header());
+    model->state = make_mirror(*file, model->held).value()->state();
+    splits += file->header().split_count();
+  }
+  constexpr std::size_t kPart = 64;
+  CertificateBeginner beginner(kPeer, request, desk.mirrors, [&](const ContentHash& content) {
+    return content == desk.file_a.content_hash() ? &desk.file_a : &desk.file_b;
+  });
+  std::optional<BegunCertificate> begun;
+  std::size_t parts = 0;
+  for (; !begun; ++parts) {
+    const std::size_t before = beginner.told_splits();
+    begun = beginner.next(kPart);
+    ASSERT_LE(beginner.told_splits(), before + kPart);
+  }
+  EXPECT_TRUE(begun->maker) << begun->why_not;
+  EXPECT_EQ(beginner.told_splits(), splits);
+  EXPECT_EQ(parts, splits / kPart + 1);
+  EXPECT_NE(desk.mirrors.find(kPeer, desk.file_a, request.models[0].state), nullptr);
+  EXPECT_NE(desk.mirrors.find(kPeer, desk.file_b, request.models[1].state), nullptr);
+}
+
 // Who holds a large part of all that a server may keep awake loses its own place where that is short, and nobody else's.
 TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   const std::unique_ptr<test::TempFile> path =
@@ -324,8 +349,7 @@ TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   ModelFile file = ModelFile::open(path->path()).value();
   ASSERT_GT(file.header().split_count(), Mirrors::kMaxAwakeSplits / Mirrors::kShares);
   const std::vector<std::uint8_t> whole = test::held_whole(file.header());
-  Mirror all(file);
-  ASSERT_TRUE(all.hold(whole).is_ok());
+  const std::uint64_t all = make_mirror(file, whole).value()->state();
   Mirrors mirrors;
   const std::uint64_t nothing = Mirror(file).state();
   constexpr std::uint64_t kGreedy = 1, kFirst = 100;
@@ -333,16 +357,16 @@ TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   constexpr std::size_t kOthers = Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror *
                                   (Mirrors::kShares - 1) / Mirrors::kShares;
   for (std::uint64_t peer = kFirst; peer < kFirst + kOthers; ++peer)
-    ASSERT_NE(mirrors.find(peer, file, nothing, {}).value(), nullptr);
+    ASSERT_NE(mirrors.find(peer, file, nothing), nullptr);
   for (int i = 0; i < 3; ++i) {
-    ASSERT_NE(mirrors.find(kGreedy, file, all.state(), whole).value(), nullptr);
+    ASSERT_EQ(mirrors.find(kGreedy, file, all), nullptr) << "it is to tell";
+    mirrors.keep(kGreedy, make_mirror(file, whole).value());
     EXPECT_EQ(mirrors.awake_count(), kOthers + 1);
-    ASSERT_NE(mirrors.find(kFirst, file, nothing, {}).value(), nullptr);
+    ASSERT_NE(mirrors.find(kFirst, file, nothing), nullptr);
     EXPECT_EQ(mirrors.awake_count(), kOthers);
     EXPECT_EQ(mirrors.asleep_bytes(), 0U);
-    EXPECT_EQ(mirrors.find(kGreedy, file, all.state(), {}).value(), nullptr) << "it is to tell";
   }
-  EXPECT_EQ(mirrors.told_splits(), 3 * file.header().split_count());
+  EXPECT_EQ(mirrors.find(kGreedy, file, all), nullptr);
 }
 
 TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
@@ -351,19 +375,18 @@ TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
   ModelFile file = ModelFile::open(path->path()).value();
   ASSERT_LT(file.header().split_count() * Mirrors::kMaxMirrors, Mirrors::kMaxSplits);
   const std::vector<std::uint8_t> whole = test::held_whole(file.header());
-  Mirror all(file);
-  ASSERT_TRUE(all.hold(whole).is_ok());
+  const std::uint64_t all = make_mirror(file, whole).value()->state();
   Mirrors mirrors;
-  const auto is_known = [&](std::uint64_t peer, const std::vector<std::uint8_t>& held) {
-    return mirrors.find(peer, file, all.state(), held).value() != nullptr;
+  const auto is_known = [&](std::uint64_t peer) {
+    return mirrors.find(peer, file, all) != nullptr;
   };
   for (std::uint64_t peer = 0; peer < Mirrors::kMaxMirrors; ++peer)
-    ASSERT_TRUE(is_known(peer, whole));
-  EXPECT_TRUE(is_known(0, {})) << "and so it was used last";
-  EXPECT_TRUE(is_known(Mirrors::kMaxMirrors, whole));
-  EXPECT_TRUE(is_known(0, {}));
-  EXPECT_TRUE(is_known(2, {}));
-  EXPECT_FALSE(is_known(1, {}));
+    mirrors.keep(peer, make_mirror(file, whole).value());
+  EXPECT_TRUE(is_known(0)) << "and so it was used last";
+  mirrors.keep(Mirrors::kMaxMirrors, make_mirror(file, whole).value());
+  EXPECT_TRUE(is_known(0));
+  EXPECT_TRUE(is_known(2));
+  EXPECT_FALSE(is_known(1));
 }
 
 // Two terrains that lie in each other: what one request may bring ends before what they need does.
@@ -409,9 +432,7 @@ TEST(CertificateMakers, EndAfterSoManyTests) {
   for (const auto& [model, file] :
        {std::pair(&request.models[0], &desk.file_a), {&request.models[1], &desk.file_b}}) {
     model->held = test::held_whole(file->header());
-    Mirror mirror(*file);
-    ASSERT_TRUE(mirror.hold(model->held).is_ok());
-    model->state = mirror.state();
+    model->state = make_mirror(*file, model->held).value()->state();
   }
   request.pairs[0].solid_a = true;
   BegunCertificate begun = desk.begin(request);

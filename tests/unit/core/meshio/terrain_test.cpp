@@ -893,6 +893,35 @@ TEST(TerrainByGdal, TheUnitOfHeightsStaysWhereOptionsSayOffsetAndStep) {
   EXPECT_DOUBLE_EQ(imported.mesh.positions_m[8][2], 118 * 0.3048);
 }
 
+TEST(TerrainByGdal, PostsAreFilledInTheUnitOfTheFilesHeights) {
+  SKIP_WITHOUT_GDAL();
+  const auto metadata = [](const std::string& unit) {
+    return R"(<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">)" + unit +
+           "</Item></GDALMetadata>";
+  };
+  const std::string in_feet =
+      TiffWriter().write({.samples = kNineFloats, .epsg = 32633, .metadata = metadata("ft")});
+  TerrainOptions options = kFile;
+  options.nodata = 5;
+  options.fill = 8;
+  // As the post that states this height; by options that say what samples mean it is the same.
+  using Heights = std::optional<std::array<double, 2>>;
+  for (const Heights& heights : {Heights{}, Heights{std::array{100.0, 2.0}}}) {
+    options.heights = heights;
+    const auto imported = import_good_grid("a.tif", in_feet, options);
+    ASSERT_EQ(imported.mesh.positions_m.size(), 9U);
+    EXPECT_EQ(imported.mesh.positions_m[4][2], 8 * 0.3048);
+    EXPECT_EQ(imported.terrain->posts_without_data, 1U);
+    EXPECT_EQ(imported.terrain->fill, 8);
+  }
+  // Of coordinates in feet metres are more than can be told.
+  options.fill = 1e308;
+  expect_refused(
+      "a.tif",
+      TiffWriter().write({.samples = kNineFloats, .epsg = 2225, .metadata = metadata("m")}),
+      options, StatusCode::kInvalidArgument, "--fill: expected a finite height");
+}
+
 TEST(TerrainByGdal, HeightsWithoutAUnitBesideFeetAreToldToBeAssumed) {
   SKIP_WITHOUT_GDAL();
   // California, zone 1, in feet.

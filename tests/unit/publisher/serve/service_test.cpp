@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/demand/collect.hpp"
+#include "core/replica/held_nodes.hpp"
 #include "held_whole.hpp"
 #include "memory_channel.hpp"
 #include "test_models.hpp"
@@ -589,24 +590,32 @@ TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
   }
 }
 
-/// Two bodies of the terrain, of a peer that says that it holds all of it.
-wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
-                                 bool truly) {
-  ModelFile file = desk.open();
-  const std::vector<std::uint8_t> held = test::held_whole(file.header());
-  Mirror all(file);
-  EXPECT_EQ(all.hold(held).message(), "");
+/// Two bodies of a model, of a peer that says what it holds of it.
+wire::RegionSubscription telling(std::uint32_t number, wire::SessionId peer,
+                                 const CertificateRequest::Model& model) {
   wire::RegionSubscription subscription;
   subscription.peer = peer;
   subscription.request = number;
   subscription.publisher = kPublisher;
   subscription.window_bytes = 1 << 20;
   CertificateRequest& asked = subscription.certificate.emplace();
-  asked.models = {{desk.hash(), all.state() + (truly ? 0 : 1), held}};
+  asked.models = {model};
   asked.pairs.resize(1);
   asked.pairs[0].translation_m[2] = 1e5F;  // far off: nothing is lacking
   return subscription;
 }
+
+/// Of the terrain, all of it.
+wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
+                                 bool truly) {
+  ModelFile file = desk.open();
+  const std::vector<std::uint8_t> held = test::held_whole(file.header());
+  const std::shared_ptr<Mirror> all = make_mirror(file, held).value();
+  return telling(number, peer, {desk.hash(), all->state() + (truly ? 0 : 1), held});
+}
+
+/// What a split that is told costs, and what is charged for it (service.cpp).
+constexpr double kTold_s = 0.8e-6, kCharged_s = 2e-6;
 
 // To make a mirror of a peer's word takes long, and the word may be false: a peer that says it again and again waits for its turn.
 TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
@@ -614,7 +623,7 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   const wire::RegionSubscription lie = telling(desk, 0, kPeer, false);
   const std::size_t splits = desk.model.header.split_count();
   std::size_t judged = 0;
-  constexpr double kBegin_s = 10, kSeconds = 20;
+  constexpr double kBegin_s = 10, kSeconds = 4;
   for (std::uint32_t i = 1; i <= 1000 * kSeconds; ++i) {
     wire::RegionSubscription subscription = lie;
     subscription.request = i;
@@ -624,10 +633,11 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
     desk.service.step(now_s);
     for (const auto& message : desk.received()) judged += message.wants_regions ? 1 : 0;
   }
-  // Some 0.5 us a split, 1e-4 s each: below a hundredth of the time, and of two seconds that are lent.
-  const double paid_s = 1e-4 * static_cast<double>(splits) * static_cast<double>(judged);
-  EXPECT_LE(paid_s, kSeconds + 2 + 1e-4 * static_cast<double>(splits));
-  EXPECT_GE(paid_s, kSeconds - 2);
+  // And as much is lent as it costs to tell once all that is taken of a model.
+  const double told_s = kCharged_s * static_cast<double>(splits),
+               paid_s = told_s * static_cast<double>(judged);
+  EXPECT_LE(paid_s, kSeconds + kCharged_s * static_cast<double>(MirrorMaker::kMostHeld) + told_s);
+  EXPECT_GE(paid_s, kSeconds);
   // Another one is taken at its word at once, and so is who says nothing of the kind.
   desk.bus.inject(telling(desk, 1, kOtherPeer, true));
   wire::RegionSubscription silent = lie;
@@ -643,6 +653,87 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   const auto mine = desk.received();
   ASSERT_FALSE(mine.empty());
   EXPECT_EQ(mine.back().request, silent.request);
+}
+
+// It is taken in turns, as all else is, so nobody waits for it, not even of many such.
+TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(260, 7), 16);
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
+  ModelFile file = ModelFile::open(path->path()).value();
+  const std::vector<std::uint8_t> held = test::held_whole(file.header());
+  const std::uint64_t state = make_mirror(file, held).value()->state();
+  std::vector<std::unique_ptr<subscriber::Channel>> ends;
+  for (wire::SessionId id = 0xc0; id < 0xcc; ++id) {
+    ends.push_back(desk.bus.make_peer(id));
+    desk.bus.inject(telling(1, id, {file.content_hash(), state, held}));
+  }
+  desk.service.step(1);
+  wire::RegionSubscription other = desk.request(1, 10);
+  other.peer = kOtherPeer;
+  desk.bus.inject(other);
+  desk.service.step(1);
+  const auto others = desk.other_received();
+  ASSERT_FALSE(others.empty());
+  EXPECT_TRUE(others.back().last);
+  for (auto& end : ends) EXPECT_TRUE(end->take().batches.empty()) << "it takes more turns";
+  // All have theirs in the end.
+  for (int i = 0; i < 100 && desk.service.is_behind(); ++i) desk.service.step(1);
+  for (auto& end : ends) {
+    const auto answered = end->take().batches;
+    ASSERT_FALSE(answered.empty());
+    EXPECT_TRUE(answered.back().last && !answered.back().refused);
+  }
+}
+
+// What comes by regions is not on its mirror, so it says what it holds with each request for a certificate.
+TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(144, 7), 16);
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
+  ModelFile file = ModelFile::open(path->path()).value();
+  const ContentHash content = file.content_hash();
+  const std::size_t splits = file.header().split_count();
+  ASSERT_GT(splits, 20'000U);
+  // All of it, and all but one split.
+  const std::shared_ptr<Mirror> peers = make_mirror(file, test::held_whole(file.header())).value();
+  ActiveMesh& mesh = peers->model().mesh;
+  const CertificateRequest::Model whole{content, mesh.state_hash(), held_nodes(mesh).bits};
+  NodeSpan last = file.header().roots.front().node;
+  while (last.size > 2) {
+    const VertexId split = file.store().split_of(last);
+    last = std::max(last.left_of(split), last.right_of(split),
+                    [](NodeSpan one, NodeSpan other) { return one.size < other.size; });
+  }
+  RefineDelta delta;
+  mesh.collapse(last, delta);
+  const CertificateRequest::Model less{content, mesh.state_hash(), held_nodes(mesh).bits};
+
+  wire::RegionSubscription region = desk.request(0, 1);
+  region.content_hash = content;
+  region.region.attach = {file.header().roots.front().node};
+  const auto expect_answered = [&](std::uint32_t number, double at_s) {
+    const auto batches = desk.received();
+    ASSERT_FALSE(batches.empty()) << "request " << number << " at " << at_s;
+    EXPECT_EQ(batches.back().request, number) << "at " << at_s;
+    EXPECT_TRUE(batches.back().last && !batches.back().refused);
+    desk.bus.inject(desk.credit(batches.back().sequence));
+  };
+  std::uint32_t number = 0;
+  for (int i = 0; i < 40; ++i) {
+    double now_s = 10 + 0.05 * i;
+    region.request = ++number;
+    desk.bus.inject(region);
+    desk.service.step(now_s);
+    expect_answered(number, now_s);
+    desk.bus.inject(telling(++number, kPeer, i % 2 == 0 ? whole : less));
+    desk.service.step(now_s);
+    now_s += kTold_s * static_cast<double>(splits);
+    desk.service.step(now_s);
+    expect_answered(number, now_s);
+  }
 }
 
 TEST(Service, NothingIsMadeThatWouldOnlyWait) {

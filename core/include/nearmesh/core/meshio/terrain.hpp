@@ -40,7 +40,8 @@ struct TerrainOptions {
   /// The sample that means "no data", on top of the one that the file states; may be NaN. Where samples
   /// are floats of 4 bytes: the float nearest to it.
   std::optional<double> nodata;
-  /// Height of a post without data, in the file's unit. None: a hole.
+  /// Height of a post without data: no sample, but in the unit that the file states of heights, as what `heights`
+  /// gives. None: a hole.
   std::optional<double> fill;
   /// Height, in the unit that the file states of heights, = [0] + [1] x sample. A sample of a colour
   /// image is 65536 red + 256 green + blue.
@@ -60,7 +61,7 @@ struct ImportedTerrain {
   std::uint64_t posts_without_data = 0;
   /// That of the options, where no sample is it; of a window, none in it.
   std::optional<double> unmatched_nodata;
-  std::optional<double> fill;  ///< which they got; none: holes
+  std::optional<double> fill;  ///< that of the options, which they got; none: holes
   /// The file states the unit of its coordinates, which is no metre, and none of its heights: taken as the same.
   bool height_unit_is_assumed = false;
   TerrainFrame frame = TerrainFrame::kFile;
