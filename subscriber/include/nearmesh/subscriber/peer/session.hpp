@@ -31,7 +31,8 @@ namespace nearmesh::subscriber {
 using BodyId = Id<struct BodyTag>;
 
 struct BodyOptions {
-  std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks at the ends
+  /// On the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks at the ends.
+  std::string name;
   std::string model;   ///< the publisher's name for it; the same
   bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
