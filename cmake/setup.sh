@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by ./test, ./demo and .ci/run: what they share. Stops the caller at the first failure.
 #   nearmesh_packages   what to install on this Debian, 12 or 13
+#   nearmesh_test_packages   and for all tests
 #   install_missing PACKAGE...   installs those Debian packages that are not there; silent when all are
 #   build_preset PRESET [TARGET...]   configures and builds (all, or these targets) into build/PRESET; a new build/dev is a
 #       joined one, and stays so until `cmake --preset dev -DCMAKE_UNITY_BUILD=OFF`
@@ -19,6 +20,9 @@ nearmesh_packages=(
   libsqlite3-dev libssl-dev libjs-three
   "$fastdds" libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
   prometheus-cpp-dev libtinyxml2-dev iproute2 nftables libfaketime)
+nearmesh_test_packages=(
+  cyclonedds-dev cyclonedds-tools  # another vendor's DDS
+  python3-dev pybind11-dev python3-numpy python3-pytest)  # the Python package
 
 install_missing() {
   command -v dpkg-query >/dev/null || return 0  # not Debian: CMake will name what it cannot find
