@@ -165,10 +165,20 @@ bool Routes::gets_near_poses(std::span<const std::uint8_t> cdr, const Participan
                                     [&](const WantedPoses::Part& one) {
                                       return one.part == part && (one.places & places) != 0;
                                     });
-    if (is_its && (sent_.size() < kMaxPeers || sent_.contains(peer))) ++sent_[peer];
+    if (is_its) {
+      if (sent_.size() >= kMaxPeers && !sent_.contains(peer)) forget_who_wants_nothing();
+      ++sent_[peer];
+    }
     is_wanted |= is_its;
   }
   return is_wanted;
+}
+
+/// No more peers than are counted have wishes, and one of these is not. The mutex is held.
+void Routes::forget_who_wants_nothing() {
+  std::set<SessionId> want;
+  for (const auto& [whose, wish] : wishes_) want.insert(whose.second);
+  std::erase_if(sent_, [&](const auto& entry) { return !want.contains(entry.first); });
 }
 
 bool Routes::gets_wanted_poses(std::span<const std::uint8_t> cdr, const Participant& reader) const {

@@ -50,7 +50,7 @@ class Routes {
   /// With a bus: nobody is known any more.
   void clear();
 
-  /// Samples of near poses that went to each peer, since the start.
+  /// Samples of near poses that went to each peer, since the start; of those that want none, as long as there is room.
   [[nodiscard]] std::map<SessionId, std::uint64_t> sent() const;
 
   /// Whether a reader there gets a sample: its bytes, as they go to the bus.
@@ -68,6 +68,8 @@ class Routes {
     WantedPoses wanted;
     std::chrono::steady_clock::time_point heard;
   };
+  void forget_who_wants_nothing();
+
   const SessionId own_;
   mutable std::mutex mutex_;
   std::map<std::pair<Participant, SessionId>, Wish> wishes_;  ///< by whose they are

@@ -24,6 +24,7 @@
 #include "idl/dds/rejoin_watch.hpp"
 #include "idl/dds/room.hpp"
 #include "idl/dds/routes.hpp"
+#include "pose_tally.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -63,7 +64,7 @@ class DdsChannel::Impl {
   }
   std::map<SessionId, PoseCounts> pose_counts() const {
     const std::lock_guard lock(mutex_);
-    std::map<SessionId, PoseCounts> counts = counts_;
+    std::map<SessionId, PoseCounts> counts = tally_.counts();
     for (const auto& [peer, samples] : routes_.sent()) counts[peer].sent_near = samples;
     return counts;
   }
@@ -129,7 +130,7 @@ class DdsChannel::Impl {
   template <class Use>
   void note(SessionId peer, const Use& use) {
     const std::lock_guard lock(mutex_);
-    if (counts_.size() < kMaxWaitingOthers || counts_.contains(peer)) use(counts_[peer]);
+    use(tally_.of(peer));
   }
   void tell_lost(SessionId publisher);
   Status rejoin();
@@ -184,7 +185,7 @@ class DdsChannel::Impl {
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
-  std::map<SessionId, PoseCounts> counts_;
+  PoseTally tally_{kMaxWaitingOthers};
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()

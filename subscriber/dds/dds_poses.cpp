@@ -12,8 +12,7 @@ constexpr double kLook_s = 0.1;
 
 }  // namespace
 
-DdsPoses::PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer,
-                                   std::uint32_t part) {
+PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer, std::uint32_t part) {
   std::array<std::uint8_t, 12> participant{};
   for (std::size_t i = 0; i < participant.size(); ++i) participant[i] = writer.value[i];
   return {participant, peer, part};
@@ -102,8 +101,14 @@ std::pair<const wire::BodyDirectory::Body*, const DdsPoses::Part*> DdsPoses::fin
 }
 
 void DdsPoses::hear_promises(std::vector<HeardPromises> heard) {
-  if (!told_parts_.empty())
-    for (auto& [key, waiting] : std::exchange(unnamed_promises_, {})) name(std::move(waiting));
+  for (const auto& [participant, peer, part] : told_parts_) {
+    const std::uint32_t first = part * wire::kBodiesPerPart,
+                        last = first + wire::kBodiesPerPart - 1;
+    for (std::uint32_t of = first / wire::kBodiesPerPromise; of <= last / wire::kBodiesPerPromise;
+         ++of)
+      if (auto waiting = unnamed_promises_.extract({participant, peer, of}))
+        name(std::move(*waiting));
+  }
   for (HeardPromises& one : heard) name(std::move(one));
 }
 
@@ -120,8 +125,7 @@ void DdsPoses::name(HeardPromises&& heard) {
     }
   }
   unnamed_promises_.erase(key);
-  if (!all && unnamed_promises_.size() < kMaxParts)
-    unnamed_promises_.emplace(key, std::move(heard));
+  if (!all) unnamed_promises_.put(key, std::move(heard));
 }
 
 void DdsPoses::accept(NamedPromise&& heard) {
@@ -137,8 +141,7 @@ void DdsPoses::accept(NamedPromise&& heard) {
 std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) {
   std::vector<wire::BodyPose> accepted;
   for (const PartKey& part : std::exchange(told_parts_, {}))
-    if (const auto waiting = unnamed_.extract(part); !waiting.empty())
-      name(std::move(waiting.mapped()), accepted);
+    if (auto waiting = unnamed_.extract(part)) name(std::move(*waiting), accepted);
   for (Heard& one : heard) name(std::move(one), accepted);
   if (std::exchange(has_released_, false)) accept_contested(accepted);
   look_for_silent();
@@ -151,11 +154,9 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     lost.merge(lose(writer, gone.second));
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
-    const auto is_its = [&](const auto& entry) {
-      return wire::have_one_participant(entry.second.writer, writer);
-    };
-    std::erase_if(unnamed_, is_its);
-    std::erase_if(unnamed_promises_, is_its);
+    const auto participant = std::get<0>(key_of(writer, 0, 0));
+    unnamed_.forget(participant);
+    unnamed_promises_.forget(participant);
   }
   const auto is_lost = [&](const auto& said) { return lost.contains(said.body); };
   std::erase_if(accepted, is_lost);
@@ -211,7 +212,7 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
            accepted);
   }
   unnamed_.erase(key);
-  if (!all && unnamed_.size() < kMaxParts) unnamed_.emplace(key, std::move(heard));
+  if (!all) unnamed_.put(key, std::move(heard));
 }
 
 bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionId peer,

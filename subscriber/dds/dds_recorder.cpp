@@ -17,6 +17,7 @@
 #include "idl/dds/rejoin_watch.hpp"
 #include "idl/dds/room.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
+#include "recorder_books.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -29,7 +30,8 @@ constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at ag
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kNothingToStore_s = 0.5;
-constexpr std::size_t kMaxNames = 65536;  ///< of sessions
+constexpr std::size_t kMaxNames = 65536;        ///< of sessions
+constexpr std::size_t kMaxGoneWriters = 16384;  ///< that are remembered: some 3 MB
 constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
 /// Whoever says what it holds must be heard from then on: so long after the last writer was found, the other readers have
 /// found theirs. Where writers come all the time, it is not waited for longer.
@@ -144,15 +146,15 @@ class DdsRecorder::Impl {
   std::thread dds_thread_, disk_thread_;
 
   // The DDS thread's own.
-  std::map<Handle, Sequence> sequences_;
-  std::map<wire::SessionId, std::string> told_names_;  ///< that are in the recording
+  WriterBook<Sequence> sequences_{kMaxGoneWriters};
+  ToldNames told_names_{kMaxNames};
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
   bool has_publisher_ = false;
   std::chrono::steady_clock::time_point may_ask_{}, must_ask_{};
 
   std::mutex partitions_mutex_;
-  std::map<Handle, std::string> partitions_;  ///< of writers that have one
+  WriterBook<std::string> partitions_{kMaxGoneWriters};  ///< of writers that have one
 
   mutable std::mutex mutex_;  ///< what follows; never held during a call of DDS or of the file
   std::condition_variable filled_;
@@ -272,10 +274,20 @@ Status DdsRecorder::Impl::join() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
   bus_options.on_writer = [this](const wire::BusOptions::Found& found) {
-    if (found.partition.empty() || found.gone) return;
     const std::lock_guard lock(partitions_mutex_);
-    partitions_[found.endpoint] = found.partition;
+    if (found.gone) {
+      if (partitions_.find(found.endpoint) != nullptr) partitions_.leave(found.endpoint);
+    } else if (!found.partition.empty()) {
+      partitions_.of(found.endpoint) = found.partition;
+      partitions_.come(found.endpoint);
+    }
   };
+  // Of an earlier bus nobody is told to be gone.
+  sequences_.all_leave();
+  {
+    const std::lock_guard lock(partitions_mutex_);
+    partitions_.all_leave();
+  }
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
@@ -328,7 +340,14 @@ template <class Message>
 bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   using Type = wire::RawTypeOf<Message>;
   if (topics_[topic].reader == nullptr) return false;
-  if (!topics_[topic].listener->take_matches().empty()) {
+  const std::vector<wire::ReaderListener::Match> matches = topics_[topic].listener->take_matches();
+  for (const wire::ReaderListener::Match& event : matches)
+    if (event.gone) {
+      sequences_.leave(event.writer);
+    } else {
+      sequences_.come(event.writer);
+    }
+  if (!matches.empty()) {
     const auto found = std::chrono::steady_clock::now() + kMatching;
     const bool is_first_publisher = topics_[topic].place == wire::place_of<wire::Hello>() &&
                                     !std::exchange(has_publisher_, true);
@@ -383,17 +402,12 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
 bool DdsRecorder::Impl::is_new_name(const Entry& entry) {
   const auto status = wire::decode_payload<wire::ProcessStatus>(entry.message.cdr);
   if (!status.is_ok()) return false;
-  const wire::SessionId session = status.value().session;
-  if (told_names_.size() >= kMaxNames && !told_names_.contains(session)) return false;
-  const auto [known, is_new] = told_names_.try_emplace(session);
-  if (!is_new && known->second == status.value().name) return false;
-  known->second = status.value().name;
-  return true;
+  return told_names_.is_new(status.value().session, status.value().name);
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps.
 void DdsRecorder::Impl::count_gap(const Entry& entry) {
-  Sequence& sequence = sequences_[entry.writer];
+  Sequence& sequence = sequences_.of(entry.writer);
   const RecordedMessage& message = entry.message;
   if (message.sequence > sequence.next) {
     Entry gap{.topic = entry.topic, .writer = entry.writer, .partition = entry.partition};
@@ -410,8 +424,8 @@ void DdsRecorder::Impl::count_gap(const Entry& entry) {
 
 std::string DdsRecorder::Impl::partition_of(const Handle& writer) {
   const std::lock_guard lock(partitions_mutex_);
-  const auto found = partitions_.find(writer);
-  return found == partitions_.end() ? "" : found->second;
+  const std::string* const found = partitions_.find(writer);
+  return found == nullptr ? "" : *found;
 }
 
 void DdsRecorder::Impl::push(Entry&& entry) {

@@ -11,7 +11,38 @@ namespace nearmesh::subscriber {
 PeerModel& ReplicaSet::add(const std::string& name) {
   PeerModel& model = models_[name];
   model.name = name;
+  model.left = 0;
   return model;
+}
+
+std::vector<ContentHash> ReplicaSet::leave(PeerModel& model) {
+  std::vector<ContentHash> gone;
+  if (!model.is_held()) {
+    gone.push_back(model.content_hash);
+    drop(model);
+    return gone;
+  }
+  model.left = ++models_left_;
+  std::map<std::uint64_t, PeerModel*> unused;  // by turn
+  for (auto& [name, other] : models_)
+    if (other.left != 0) unused.emplace(other.left, &other);
+  for (auto at = unused.begin(); unused.size() > wire::kMaxModels && at != unused.end();) {
+    if (at->second->cache.has_news) {  // that no file has yet, and updates do not wait for disks
+      ++at;
+      continue;
+    }
+    gone.push_back(at->second->content_hash);
+    drop(*at->second);
+    at = unused.erase(at);
+  }
+  return gone;
+}
+
+/// Its header waits for bodies that may come back: nobody sends it again.
+void ReplicaSet::drop(PeerModel& model) {
+  std::vector<std::string> none;
+  static_cast<void>(assign(model, {}, none));
+  remove(std::string(model.name));
 }
 
 PeerModel* ReplicaSet::find(const std::string& name) {
@@ -52,6 +83,7 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
   anew.content_hash = content;
   anew.pinned = model.pinned;
   anew.conflict = std::move(model.conflict);
+  anew.left = model.left;
   anew.world_before = model.world ? std::move(model.world) : std::move(model.world_before);
   if (model.coming.content == content) anew.coming = std::move(model.coming);
   model = std::move(anew);

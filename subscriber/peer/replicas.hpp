@@ -72,6 +72,7 @@ struct PeerModel {
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
   } audit;
 
+  std::uint64_t left = 0;  ///< in this turn the last body that had it went; 0: bodies have it
   std::optional<double> needed_s;  ///< the update's time when something was near it last
   /// As in wire::ContactReport::Asked. And so many of its replica's give-ups are counted in it.
   std::uint32_t era = 0, noted_give_ups = 0;
@@ -96,7 +97,11 @@ struct PeerModel {
 /// complaint each is made.
 class ReplicaSet {
  public:
+  /// For a body that has it.
   PeerModel& add(const std::string& name);
+  /// No body has it any more. As many such models as a publisher serves stay, for bodies come back and recordings count their batches; of more, which
+  /// other peers may name in weeks, those that were left first go. Nothing stays of one without a header. Out: the contents of models that are gone.
+  std::vector<ContentHash> leave(PeerModel& model);
   [[nodiscard]] PeerModel* find(const std::string& name);
   [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
   void remove(const std::string& name);
@@ -144,6 +149,7 @@ class ReplicaSet {
     std::uint64_t came = 0;  // in this turn
   };
   void keep_header(const Channel::Header& header);
+  void drop(PeerModel& model);
   void drop_spare(std::map<ContentHash, Spare>::iterator spare);
   [[nodiscard]] bool has_room_for(const wire::MeshHeader& header) const;
 
@@ -151,6 +157,7 @@ class ReplicaSet {
   std::map<ContentHash, Spare> unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
   std::uint64_t spares_that_came_ = 0;
+  std::uint64_t models_left_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
   std::uint32_t last_era_ = 0;
   std::uint32_t begins_in_ =

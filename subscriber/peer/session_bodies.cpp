@@ -188,7 +188,7 @@ void Session::Impl::ask_anew(Body& body) {
   }
 }
 
-/// Its detail is given up where no body has the model any more. The model stays: recordings count its batches.
+/// Its detail is given up where no body has the model any more.
 void Session::Impl::leave_model(PeerModel& model) {
   const bool is_used = std::any_of(bodies.begin(), bodies.end(),
                                    [&](const auto& entry) { return entry.second.model == &model; });
@@ -196,6 +196,7 @@ void Session::Impl::leave_model(PeerModel& model) {
   model.pinned = {};
   FrameReport none;
   if (model.is_ready()) give_up(model, {}, none);
+  for (const ContentHash& content : replicas.leave(model)) outstanding.erase(content);
 }
 
 void Session::watch_all() { impl_->watch_many(false); }

@@ -251,6 +251,7 @@ struct Session::Impl {
     };
     std::map<double, Instant> instants;  // by time
     std::uint32_t taken = 0;             // the newest sequence of those that count now
+    double taken_s = 0;                  // their time
   };
   std::map<std::pair<wire::SessionId, std::uint32_t>, HeardLinks> heard_links;  // by first link
   std::uint64_t looked_for_robots_in = 0;  // the update that forget_robots_of_nobody() did

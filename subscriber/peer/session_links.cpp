@@ -12,6 +12,9 @@ namespace {
 /// Instants of which not all has come: so many are waited for, of each robot.
 constexpr std::size_t kMaxInstants = 8;
 constexpr std::size_t kMaxRobots = 4096;
+/// Nothing is on its way for longer. What is of a time so much before, with numbers of before, is said anew: a recording is played in a loop, or from
+/// an earlier moment on.
+constexpr double kMostLate_s = 10;
 
 }  // namespace
 
@@ -98,8 +101,10 @@ void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::strin
     return;
   }
   // What was sent before what counts already is late.
-  if (!is_after(heard.taken, instant.newest)) {
+  const bool is_said_anew = pose.time_s < heard.taken_s - kMostLate_s;
+  if (is_said_anew || !is_after(heard.taken, instant.newest)) {
     heard.taken = instant.newest;
+    heard.taken_s = pose.time_s;
     for (const auto& [number, link] : instant.poses) take_pose(link, complaints);
   }
   std::erase_if(heard.instants,

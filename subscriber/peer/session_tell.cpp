@@ -137,7 +137,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
     }
   }
   tell_bodies(now);
-  // Those of bodies that are here first: models stay when their bodies are gone, and in weeks they are more than can be told.
+  // Those of bodies that are here first: models stay when their bodies are gone, and all may be more than can be told.
   std::set<const PeerModel*> used;
   for (const Body* body : present) used.insert(body->model);
   for (const bool is_used : {true, false})

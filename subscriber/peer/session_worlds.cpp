@@ -268,7 +268,6 @@ void Session::Impl::leave_tiles() {
   std::erase_if(tile_pairs, [this](const auto& entry) { return entry.second.near_in != updates; });
   std::erase_if(wanted_bytes,
                 [this](const auto& entry) { return entry.second.wanted_in != updates; });
-  if (tile_bodies.empty()) return;
   const auto is_unused = [this](const auto& entry) {
     return std::abs(time_s - entry.second.needed_s) > kUnused_s;
   };
@@ -284,6 +283,7 @@ void Session::Impl::leave_tiles() {
       replicas.remove(name);
     }
   }
+  // Pages may come without a tile: where none is near, and of a world whose tiles are gone already.
   for (auto& [name, model] : replicas.all()) {
     if (model.world) model.world->give_up(time_s, kUnused_s);
     if (model.coming.world) model.coming.world->give_up(time_s, kUnused_s);

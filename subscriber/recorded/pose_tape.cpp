@@ -39,17 +39,18 @@ Participant participant_of(const RecordedWriter& writer) {
 }
 
 void PoseSamples::take(wire::BodyPoses&& poses, int round) {
-  const std::uint32_t sequence = poses.sequence;
-  if (sequence == 0) return;
-  if (sequence > last_) {
-    if (sequence > last_ + 1) holes_.emplace_back(last_ + 1, sequence - 1);
-    last_ = sequence;
+  if (poses.sequence == 0) return;
+  const std::uint64_t before = numbers_.last(), place = numbers_.take(poses.sequence);
+  if (before == 0) {
+    unknown_until_ = place;  // what was said before nobody can tell
+  } else if (place > before + 1 && !(place == before + 2 && SampleNumbers::is_none(before + 1))) {
+    holes_.emplace_back(before + 1, place - 1);
   }
   if (holes_.size() > kMaxHoles) {
     unknown_until_ = holes_.front().second;
     holes_.pop_front();
   }
-  parts_[poses.part].try_emplace(sequence, Sample{std::move(poses.bodies), round});
+  parts_[poses.part].try_emplace(place, Sample{std::move(poses.bodies), round});
 }
 
 void PoseSamples::forget(int round) {
@@ -62,7 +63,7 @@ void PoseSamples::forget(int round) {
 PoseSamples::Found PoseSamples::find(std::uint32_t number, std::uint32_t last) const {
   const auto part = parts_.find(number / wire::kBodiesPerPart);
   if (part == parts_.end()) return {};
-  auto at = part->second.upper_bound(last);
+  auto at = part->second.upper_bound(numbers_.place_of(last));
   for (std::size_t i = 0; i < samples_a_part_ && at != part->second.begin(); ++i) {
     --at;
     for (const wire::BodyPoses::Body& body : at->second.bodies)
@@ -75,14 +76,14 @@ PoseSamples::Links PoseSamples::find_links(std::uint32_t first, std::uint32_t li
                                            std::uint32_t last) const {
   struct Instant {
     Links links;
-    std::uint32_t newest = 0;
+    std::uint64_t newest = 0;
   };
   std::map<double, Instant> instants;
   for (std::uint32_t at = first / wire::kBodiesPerPart;
        at <= (first + links - 1) / wire::kBodiesPerPart; ++at) {
     const auto part = parts_.find(at);
     if (part == parts_.end()) return {};
-    auto sample = part->second.upper_bound(last);
+    auto sample = part->second.upper_bound(numbers_.place_of(last));
     for (std::size_t i = 0; i < kMaxInstants && sample != part->second.begin(); ++i) {
       --sample;
       for (const wire::BodyPoses::Body& body : sample->second.bodies) {
@@ -100,12 +101,13 @@ PoseSamples::Links PoseSamples::find_links(std::uint32_t first, std::uint32_t li
   return whole == nullptr ? Links{} : std::move(whole->links);
 }
 
-bool PoseSamples::is_whole(std::uint32_t first, std::uint32_t last) const {
-  if (last > last_ || first < unknown_until_) return false;
+bool PoseSamples::is_whole(const Found& first, std::uint32_t last) const {
+  const std::uint64_t end = numbers_.place_of(last);
+  if (end > numbers_.last() || first.place < unknown_until_) return false;
   // Ascending, since each begins after what had come.
-  const auto next = std::partition_point(holes_.begin(), holes_.end(),
-                                         [&](const auto& hole) { return hole.second <= first; });
-  return next == holes_.end() || next->first > last;
+  const auto next = std::partition_point(
+      holes_.begin(), holes_.end(), [&](const auto& hole) { return hole.second <= first.place; });
+  return next == holes_.end() || next->first > end;
 }
 
 PoseSamples::Found FoundLinks::find(const PoseSamples& samples,
@@ -128,7 +130,7 @@ std::string PoseTape::take(wire::NearPoses&& message, int round) {
   for (const wire::BodyPoses::Body& body : message.bodies) {
     const auto part = promises_.find(body.number / wire::kBodiesPerPromise);
     if (part == promises_.end()) continue;
-    for (const auto& [sequence, promised] : part->second)
+    for (const auto& [place, promised] : part->second)
       if (const auto promise = promise_in(promised.message, body.number); promise && broken.empty())
         broken = why_broken(*promise, body);
   }
@@ -144,7 +146,8 @@ std::string PoseTape::take(wire::BodyPromises&& message, int round) {
         if (broken.empty()) broken = why_broken(*promise, pose);
       });
   if (message.sequence != 0)
-    promises_[message.part].try_emplace(message.sequence, Promised{std::move(message), round});
+    promises_[message.part].try_emplace(promise_numbers_.take(message.sequence),
+                                        Promised{std::move(message), round});
   return broken;
 }
 
@@ -167,7 +170,7 @@ PoseTape::FoundPromise PoseTape::find_promise(std::uint32_t number, std::uint32_
   FoundPromise found;
   const auto part = promises_.find(number / wire::kBodiesPerPromise);
   if (part == promises_.end()) return found;
-  auto at = part->second.upper_bound(last);
+  auto at = part->second.upper_bound(promise_numbers_.place_of(last));
   for (int heard = 0; heard < 2 && at != part->second.begin();) {
     --at;
     const std::optional<wire::BodyPromise> promise = promise_in(at->second.message, number);

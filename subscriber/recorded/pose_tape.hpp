@@ -3,6 +3,7 @@
 // What movers said of their bodies, for a while: poses, promises and who the bodies are, each as it was known to one who had heard so far
 // (takes samples in the order of the recording, gives what a bounds report rests on).
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -27,7 +28,36 @@ inline constexpr int kRoundsKept = 3;
 using Participant = std::array<std::uint8_t, 12>;
 [[nodiscard]] Participant participant_of(const RecordedWriter& writer);
 
-/// Samples of poses of one topic, by part and sequence.
+/// Tells the numbers of a mover's samples apart for as long as a recording is: they are of 32 bits, and what follows the highest is 1 again, for 0 is
+/// no number. Samples of 10,000 bodies come to that in a day.
+class SampleNumbers {
+ public:
+  /// A sample came. Out: its place among all of the mover's; of two places the higher was said later.
+  std::uint64_t take(std::uint32_t number) {
+    const std::uint64_t place = place_of(number);
+    last_ = std::max(last_, place);
+    return place;
+  }
+  /// Of a number that a peer had heard by about now: the nearest to the last one that came. Of 0, which nobody has said: 0.
+  [[nodiscard]] std::uint64_t place_of(std::uint32_t number) const {
+    if (number == 0) return 0;
+    // There is room below the first for one of before it that comes later.
+    if (last_ == 0) return kAround + number;
+    const auto ahead = static_cast<std::int32_t>(number - static_cast<std::uint32_t>(last_));
+    return last_ + static_cast<std::uint64_t>(std::int64_t{ahead});
+  }
+  /// 0: none came.
+  [[nodiscard]] std::uint64_t last() const { return last_; }
+  [[nodiscard]] static bool is_none(std::uint64_t place) {
+    return static_cast<std::uint32_t>(place) == 0;
+  }
+
+ private:
+  static constexpr std::uint64_t kAround = std::uint64_t{1} << 32;
+  std::uint64_t last_ = 0;
+};
+
+/// Samples of poses of one topic, by part and place (SampleNumbers).
 class PoseSamples {
  public:
   /// The bodies of a part may come in several samples, so many at most: as many count as the last one.
@@ -38,7 +68,11 @@ class PoseSamples {
 
   struct Found {
     const wire::BodyPoses::Body* body = nullptr;
-    std::uint32_t sequence = 0;
+    std::uint64_t place = 0;  ///< of its sample
+
+    [[nodiscard]] bool is_of(std::uint32_t sequence) const {
+      return static_cast<std::uint32_t>(place) == sequence;
+    }
   };
   /// Where the last samples of its part have the body, of those up to `last`.
   [[nodiscard]] Found find(std::uint32_t number, std::uint32_t last) const;
@@ -51,12 +85,12 @@ class PoseSamples {
   void for_each(std::uint32_t number, const Use& use) const {
     const auto part = parts_.find(number / wire::kBodiesPerPart);
     if (part == parts_.end()) return;
-    for (const auto& [sequence, sample] : part->second)
+    for (const auto& [place, sample] : part->second)
       for (const wire::BodyPoses::Body& body : sample.bodies)
         if (body.number == number) use(body);
   }
-  /// All samples after `first` up to `last` are here.
-  [[nodiscard]] bool is_whole(std::uint32_t first, std::uint32_t last) const;
+  /// All samples after that of `first` up to `last` are here.
+  [[nodiscard]] bool is_whole(const Found& first, std::uint32_t last) const;
 
  private:
   struct Sample {
@@ -64,9 +98,11 @@ class PoseSamples {
     int round = 0;
   };
   const std::size_t samples_a_part_;
-  std::map<std::uint32_t, std::map<std::uint32_t, Sample>> parts_;  // by sequence
-  std::uint32_t last_ = 0, unknown_until_ = 0;
-  std::deque<std::pair<std::uint32_t, std::uint32_t>> holes_;  // sequences that did not come
+  SampleNumbers numbers_;
+  std::map<std::uint32_t, std::map<std::uint64_t, Sample>> parts_;  // by place
+  std::uint64_t unknown_until_ = 0;
+  std::deque<std::pair<std::uint64_t, std::uint64_t>>
+      holes_;  // places of samples that did not come
 };
 
 /// Where the links of robots were, as one report rests on them: looked for once for each robot, however many links it has. What it gives holds until
@@ -120,7 +156,8 @@ class PoseTape {
 
   Participant participant_;
   std::map<std::uint32_t, wire::BodyDirectory::Body> who_;
-  std::map<std::uint32_t, std::map<std::uint32_t, Promised>> promises_;  // by part and sequence
+  SampleNumbers promise_numbers_;
+  std::map<std::uint32_t, std::map<std::uint64_t, Promised>> promises_;  // by part and place
 };
 
 }  // namespace nearmesh::subscriber

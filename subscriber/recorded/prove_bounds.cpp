@@ -247,9 +247,9 @@ class Prover {
       const PoseSamples::Found found = who->links > 1 && body.mover != peer
                                            ? links.find(samples, *who, last)
                                            : samples.find(body.number, last);
-      if (found.body == nullptr || (exactly && found.sequence != *exactly)) return false;
+      if (found.body == nullptr || (exactly && !found.is_of(*exactly))) return false;
       body.name = who->name;
-      pose = {found.body, by_reporter && samples.is_whole(found.sequence, last)};
+      pose = {found.body, by_reporter && samples.is_whole(found, last)};
       return true;
     });
     return pose;

@@ -80,6 +80,24 @@ TEST(Routes, WhoComesAfterManyThatAreGoneIsFound) {
   EXPECT_TRUE(routes.gets_wanted_poses(wish, participant(19)));
 }
 
+// Those that are there now are counted, after as many in weeks as are kept.
+TEST(Routes, WhatGoesToWhoComesAfterManyThatAreGoneIsCounted) {
+  Routes routes(kMover);
+  const auto there = participant(1);
+  const std::vector<std::uint8_t> near = near_of(3);
+  WantedPoses wanted{.mover = kMover};
+  for (std::uint32_t i = 0; i <= Routes::kMaxPeers; ++i) {
+    wanted.peer = kPeer + 1 + i;
+    wanted.parts = {{3, 1}};
+    routes.want(wanted, there);
+    EXPECT_TRUE(routes.gets_near_poses(near, there));
+    wanted.parts = {};
+    routes.want(wanted, there);
+  }
+  EXPECT_EQ(routes.sent().at(wanted.peer), 1U);
+  EXPECT_LE(routes.sent().size(), Routes::kMaxPeers);
+}
+
 TEST(Routes, SessionsOfOneParticipantWantEachTheirOwn) {
   Routes routes(kMover);
   const auto host = participant(1);

@@ -40,5 +40,79 @@ TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) 
   }
 }
 
+wire::BodyPoses poses_of(std::uint32_t number, std::uint32_t sequence) {
+  wire::BodyPoses said{.peer = 7, .part = number / wire::kBodiesPerPart, .sequence = sequence};
+  said.bodies.push_back({.number = number});
+  return said;
+}
+wire::BodyPromises promises_of(std::uint32_t number) {
+  wire::BodyPromises said{.peer = 7, .part = number / wire::kBodiesPerPromise};
+  said.bodies.push_back({.number = number});
+  return said;
+}
+wire::BodyDirectory directory_of(std::uint32_t number, double max_speed_mps = 0) {
+  wire::BodyDirectory directory{.peer = 7, .part = number / wire::kBodiesPerPart};
+  directory.bodies.push_back({number, "body " + std::to_string(number), "m"});
+  directory.bodies.back().max_speed_mps = max_speed_mps;
+  return directory;
+}
+
+TEST(UnnamedParts, WhatWaitsForLongestMakesRoom) {
+  const auto key = [](std::uint8_t participant, std::uint32_t part) {
+    return PartKey{{participant}, 7, part};
+  };
+  UnnamedParts<int> parts(2, 3);
+  parts.put(key(1, 1), 11);
+  parts.put(key(1, 2), 12);
+  parts.put(key(1, 1), 21);  // said anew: the other waits for longer now
+  parts.put(key(1, 3), 13);
+  EXPECT_FALSE(parts.extract(key(1, 2)));
+  parts.put(key(2, 1), 31);
+  EXPECT_EQ(parts.size(), 3U);
+  parts.put(key(3, 1), 41);
+  EXPECT_EQ(parts.size(), 3U);
+  EXPECT_FALSE(parts.extract(key(1, 1)));
+  EXPECT_EQ(parts.extract(key(1, 3)), 13);
+  EXPECT_EQ(parts.extract(key(2, 1)), 31);
+  parts.forget({3});
+  EXPECT_EQ(parts.size(), 0U);
+}
+
+// What is said of bodies comes by other ways than who they are, and of those that are gone nobody tells any more.
+TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  std::uint32_t sequence = 0;
+  for (const std::uint8_t participant : {std::uint8_t{1}, std::uint8_t{2}}) {
+    const wire::Handle mover = writer(1, participant);
+    const auto gone = static_cast<std::uint32_t>(DdsPoses::kMaxParts + 10);
+    for (std::uint32_t part = 0; part < gone; ++part) {
+      poses.hear_promises({{promises_of(part * wire::kBodiesPerPromise), mover}});
+      EXPECT_TRUE(
+          poses.take({{poses_of(part * wire::kBodiesPerPart, ++sequence), mover}}, false).empty());
+    }
+    const std::uint32_t number = gone * wire::kBodiesPerPromise;
+    poses.hear_promises({{promises_of(number), mover}});
+    EXPECT_TRUE(poses.take({{poses_of(number, ++sequence), mover}}, false).empty());
+    poses.take_directories({}, {{directory_of(number, 10), mover}}, false);
+    poses.hear_promises({});
+    EXPECT_EQ(poses.take({}, false).size(), 1U);
+    EXPECT_EQ(poses.take_promises().size(), 1U);
+    poses.take_directories({{mover, 1, true}}, {}, false);
+    EXPECT_TRUE(poses.take({}, false).empty());
+  }
+}
+
+TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle waits = writer(1, 1), stranger = writer(1, 2);
+  EXPECT_TRUE(poses.take({{poses_of(3, 1), waits}}, false).empty());
+  for (std::uint32_t i = 0; i < DdsPoses::kMaxParts + 10; ++i)
+    EXPECT_TRUE(poses.take({{poses_of(i * wire::kBodiesPerPart, i + 1), stranger}}, false).empty());
+  poses.take_directories({}, {{directory_of(3), waits}}, false);
+  EXPECT_EQ(poses.take({}, false).size(), 1U);
+}
+
 }  // namespace
 }  // namespace nearmesh::subscriber

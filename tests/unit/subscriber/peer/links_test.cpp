@@ -385,6 +385,20 @@ TEST(LinksOfWeeks, NumbersOfSamplesBeginAnewWhereTheyEnd) {
   EXPECT_EQ(looker.seen_s(0), instant_s);
 }
 
+// In a replay that loops numbers and times go back together.
+TEST(LinksOfWeeks, ARobotOfARecordingThatIsPlayedAgainMovesOn) {
+  LookerAtARobot looker;
+  for (int loop = 0; loop < 3; ++loop)
+    for (const std::uint32_t frame : {1U, 20U, 40U}) {
+      looker.say(frame, 2 * frame, 2 * frame + 1);
+      looker.update();
+      for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), frame) << loop;
+    }
+  looker.say(35, 70, 71);  // late
+  looker.update();
+  for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), 40);
+}
+
 // Of robots that are not looked at nobody tells a session that they are gone.
 TEST(LinksOfWeeks, ARobotThatComesAfterManyOthersIsHeard) {
   LookerAtARobot looker;

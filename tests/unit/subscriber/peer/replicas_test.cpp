@@ -54,6 +54,35 @@ TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToASize) {
   EXPECT_TRUE(is_kept(replicas, 30));
 }
 
+// Other peers name models, and in weeks there are many of which no body is left: each costs time in every frame.
+TEST(ReplicaSet, ModelsThatBodiesLeftMakeRoom) {
+  ReplicaSet replicas;
+  std::vector<std::string> complaints;
+  for (int i = 0; i < 1000; ++i)
+    static_cast<void>(replicas.leave(replicas.add("never came" + std::to_string(i))));
+  EXPECT_TRUE(replicas.all().empty());
+  const auto use = [&](std::uint64_t number) -> PeerModel& {
+    PeerModel& model = replicas.add("model" + std::to_string(number));
+    if (model.is_held()) return model;
+    static_cast<void>(replicas.assign(model, {0, number}, complaints));
+    model.world.emplace();  // as if its header had come
+    model.header = header_of(number, 100);
+    return model;
+  };
+  use(1);
+  for (std::uint64_t number = 2; number <= wire::kMaxModels + 1; ++number)
+    EXPECT_TRUE(replicas.leave(use(number)).empty());
+  static_cast<void>(use(2));  // a body came back
+  EXPECT_TRUE(replicas.leave(use(1000)).empty());
+  EXPECT_EQ(replicas.leave(use(1001)), std::vector<ContentHash>{(ContentHash{0, 3})});
+  EXPECT_EQ(replicas.all().size(), wire::kMaxModels + 2);
+  EXPECT_NE(replicas.find("model1"), nullptr);
+  EXPECT_NE(replicas.find("model2"), nullptr);
+  EXPECT_EQ(replicas.find("model3"), nullptr);
+  EXPECT_EQ(replicas.find(ContentHash{0, 3}), nullptr);
+  EXPECT_TRUE(is_kept(replicas, 3)) << "its header, for a body that comes back";
+}
+
 // Weeks bring many contents that nobody serves any more: those that are there now shall find room, and the others stay as long as there is some.
 TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
   ReplicaSet replicas;

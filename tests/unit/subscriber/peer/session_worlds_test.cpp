@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sessions with a body that is a world, held against the one mesh that was cut into its tiles.
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <iterator>
@@ -750,6 +752,60 @@ TEST(SessionWorlds, WhatIsProbedIsNotGivenUp) {
   EXPECT_EQ(found[0].status, ProbeStatus::kUncertain);
   EXPECT_EQ(found[0].missing, 1U);
   EXPECT_GT(found[0].at_least_m, 90);
+}
+
+/// A ray upward from within the box of a lower page that meets no tile's box.
+RayProbe ray_between(const CutTerrain& terrain) {
+  std::vector<WorldPage> lower;
+  for (const auto& [content, bytes] : terrain.pages.pages)
+    if (const Result<WorldPage> page = decode_page(bytes); page.is_ok() && page.value().level == 0)
+      lower.push_back(page.value());
+  std::array<std::int64_t, 3> best{};
+  std::int64_t best_room = 0;  // in cells, above the highest tile there
+  for (const WorldPage& page : lower)
+    for (const WorldEntry& entry : page.entries) {
+      const CellBox box = entry.box();
+      const std::int64_t x = (box.lo[0] + box.hi[0]) / 2, y = (box.lo[1] + box.hi[1]) / 2;
+      std::int64_t top = box.hi[2];
+      for (const WorldPage& other : lower)
+        for (const WorldEntry& tile : other.entries)
+          if (const CellBox its = tile.box();
+              its.lo[0] <= x && x <= its.hi[0] && its.lo[1] <= y && y <= its.hi[1])
+            top = std::max(top, its.hi[2]);
+      const std::int64_t room = page.box().hi[2] - top;
+      if (room <= best_room) continue;
+      best_room = room;
+      best = {x, y, top + room / 2};
+    }
+  EXPECT_GT(best_room, 4);
+  RayProbe ray{.direction = {0, 0, 1}};
+  for (std::size_t k = 0; k < 3; ++k)
+    ray.origin_m[k] = test::kCutLattice.origin_m[k] +
+                      std::ldexp(static_cast<double>(best[k]), test::kCutLattice.exponent);
+  return ray;
+}
+
+// Where bodies and probes come near pages and near no tile.
+TEST(SessionWorlds, PagesWithoutTilesAreGivenUp) {
+  const CutTerrain terrain;
+  CutHost host(terrain);
+  Motion away;
+  away.pose.translation_m = {0, 0, 5000};
+  ASSERT_TRUE(host.session->place_body(host.world, {}).is_ok());
+  const std::vector<RayProbe> rays{ray_between(terrain)};
+  std::vector<RayAnswer> found(1);
+  host.update(away);
+  probe_until_certain(host, away, rays, found, [] {});
+  EXPECT_EQ(found[0].status, ProbeStatus::kMiss);
+  EXPECT_GE(host.channel->requests.size(), 2U) << "the first page, and what the ray meets below it";
+  host.time_s = 9;
+  host.update(away);
+  ASSERT_TRUE(host.session->probe(host.world, rays, std::span(found)).is_ok());
+  EXPECT_EQ(found[0].status, ProbeStatus::kMiss);
+  host.time_s = 21;
+  host.update(away);
+  ASSERT_TRUE(host.session->probe(host.world, rays, std::span(found)).is_ok());
+  EXPECT_EQ(found[0].status, ProbeStatus::kUncertain);
 }
 
 TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {

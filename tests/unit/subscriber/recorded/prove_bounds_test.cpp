@@ -676,6 +676,66 @@ TEST_F(ProvePromises, AllThatPeersSayOfOwnPairsIsProved) {
   EXPECT_EQ(proof.unreported, 0U) << proof.first_unreported;
 }
 
+/// As sessions number them that have said so much before: what follows the highest is 1 again. 0 is no number.
+std::uint32_t number_after(std::uint32_t sequence, std::uint32_t before) {
+  if (sequence == 0) return 0;
+  constexpr std::uint64_t kNumbers = std::numeric_limits<std::uint32_t>::max();
+  return static_cast<std::uint32_t>((std::uint64_t{sequence} - 1 + before) % kNumbers) + 1;
+}
+KeptSamples after(KeptSamples samples, std::uint32_t before) {
+  const auto shift = [before](std::uint32_t& sequence) {
+    sequence = number_after(sequence, before);
+  };
+  for (KeptSample& sample : samples) {
+    if (auto* poses = sample.as<wire::BodyPoses>()) shift(poses->sequence);
+    if (auto* near = sample.as<wire::NearPoses>()) shift(near->sequence);
+    if (auto* promises = sample.as<wire::BodyPromises>()) shift(promises->sequence);
+    if (auto* report = sample.as<wire::BoundsReport>())
+      for (wire::BoundsReport::Heard& heard : report->heard) {
+        shift(heard.poses);
+        shift(heard.promises);
+        shift(heard.near);
+        for (wire::BoundsReport::Heard::Posed& posed : heard.posed) shift(posed.sequence);
+      }
+  }
+  return samples;
+}
+
+// A mover of many bodies comes to the highest number in a day. What follows it was said later, and nothing is missing between them.
+TEST_F(ProvePromises, NumbersThatBeginAgainAreProvedAsThoseBefore) {
+  fly_promised(80, 4, 6, 2500);
+  EXPECT_GT(posed(), 100U);
+  const BoundsProof whole = prove(kept_);
+  ASSERT_EQ(whole.proved, whole.reports) << reasons_of(whole);
+  for (const std::uint32_t left : {1, 7, 40, 200}) {
+    const BoundsProof proof = prove(after(kept_, std::numeric_limits<std::uint32_t>::max() - left));
+    EXPECT_EQ(proof.proved, proof.reports) << left << "\n" << reasons_of(proof);
+    EXPECT_EQ(proof.digest, whole.digest) << left;
+    EXPECT_EQ(proof.broken, 0U) << left;
+  }
+}
+
+TEST_F(ProvePromises, WhereNumbersBeginAgainAForgedPoseIsWrongAndALostOneIsNot) {
+  fly_promised(20, 1, 6, 4000);
+  const std::vector<std::size_t> near = places_of<wire::NearPoses>();
+  ASSERT_GT(near.size(), 10U);
+  const std::size_t middle = near[near.size() / 2];
+  // Numbers end before it, and after it.
+  for (const std::size_t left : {near.size() / 2 - 1, near.size() / 2, near.size() / 2 + 1}) {
+    const auto before =
+        std::numeric_limits<std::uint32_t>::max() - static_cast<std::uint32_t>(left);
+    ASSERT_EQ(prove(after(kept_, before)).wrong, 0U);
+    KeptSamples forged = after(kept_, before);
+    for (wire::BodyPoses::Body& body : forged[middle].as<wire::NearPoses>()->bodies)
+      body.motion.pose.translation_m[1] += 1e-3;
+    EXPECT_EQ(prove(forged).wrong, 1U) << left;
+    KeptSamples lost = after(kept_, before);
+    lost.erase(lost.begin() + static_cast<std::ptrdiff_t>(middle));
+    EXPECT_EQ(prove(lost).wrong, 0U) << left;
+    EXPECT_EQ(prove(lost).unprovable, 1U) << left;
+  }
+}
+
 TEST_F(ProvePromises, OfAHundredPeersAllIsProved) {
   mixes_ = comes_and_goes_ = false;
   fly_promised(30, 100, 3, 30'000);

@@ -70,7 +70,7 @@ class DdsChannel final : public Channel {
   [[nodiscard]] bool has_recorder() const override;
   /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and nobody hears it.
   [[nodiscard]] Status identity() const;
-  /// By the other's session. Threads: any.
+  /// By the other's session, of the kMaxWaitingOthers that were heard last. Threads: any.
   [[nodiscard]] std::map<wire::SessionId, PoseCounts> pose_counts() const;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
