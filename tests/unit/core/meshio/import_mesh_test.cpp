@@ -319,8 +319,8 @@ TEST(ImportMesh, ReadsNumbersAlikeInAnyLocaleOfTheHost) {
       import_good(".obj", "v 1.5 0 0\nv 2.5e-400 -2.5e-400 1\nv 2.5 0 0\nf 1 2 3\n");
   EXPECT_EQ(mesh.positions_m.at(0), (Point{1.5, 0, 0}));
   EXPECT_EQ(mesh.positions_m.at(1), (Point{0, 0, 1}));
-  expect_refused(".obj", "v 0 1.5e400 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-                 StatusCode::kInvalidArgument, "1.5e400");
+  expect_refused(".obj", "v 0 1.5e400 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", StatusCode::kInvalidArgument,
+                 "1.5e400");
 }
 
 TEST(ImportMesh, RefusesUtf16) {
