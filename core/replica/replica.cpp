@@ -125,9 +125,11 @@ void Replica::audit(std::span<const std::uint8_t> piece, Taken& taken) {
                                             ", the content has " + to_hex(found->proved)};
 }
 
+// More than give_up() takes: splits and half-spaces that wait for their parents would come in with these.
 void Replica::distrust(std::uint64_t sender) {
   distrusted_.insert(sender);
-  static_cast<void>(give_up({}));
+  forget_all();
+  ++give_ups_;
 }
 
 Replica::Taken Replica::take(const SplitBatch& batch, std::uint64_t sender) {
