@@ -125,7 +125,8 @@ void Replica::audit(std::span<const std::uint8_t> piece, Taken& taken) {
                                             ", the content has " + to_hex(found->proved)};
 }
 
-// More than give_up() takes: splits and half-spaces that wait for their parents would come in with these.
+// More than give_up() takes: half-spaces of nodes that are not split, and splits that wait for their parents and would come in with
+// these.
 void Replica::distrust(std::uint64_t sender) {
   distrusted_.insert(sender);
   forget_all();
