@@ -2,6 +2,7 @@
 // Bodies of others that are known by promises: what rests on them, when their full poses come, and what is refused.
 #include <map>
 
+#include "rounds.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
