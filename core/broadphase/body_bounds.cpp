@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/base/hash.hpp"
 #include "core/geometry/motion_bounds.hpp"
@@ -24,6 +25,17 @@ GridBox box_of_roots(const SplitStore& store) {
     }
   }
   return all;
+}
+
+/// A header may tell of a model so large, or so far from its origin, that sums of its places are beyond doubles. Bounds that are no numbers
+/// would meet nothing: where there are none the body may be anywhere.
+void open_where_unknown(WorldBox& box) {
+  constexpr double kEverywhere = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (std::isfinite(box.lo_m[k]) && std::isfinite(box.hi_m[k])) continue;
+    box.lo_m[k] = -kEverywhere;
+    box.hi_m[k] = kEverywhere;
+  }
 }
 
 }  // namespace
@@ -47,6 +59,7 @@ ModelBounds::ModelBounds(const Grid& grid, const GridBox& box)
 }
 
 double ModelBounds::way_m(const Motion& motion, double duration_s) const {
+  if (duration_s == 0) return 0;
   return speed_bound_mps(motion, reach_m_) * duration_s * (1 + kRounding);
 }
 
@@ -65,6 +78,7 @@ WorldBox ModelBounds::around(const Motion& motion, double duration_s, double mar
     box.lo_m[k] = center_m - half_m - rounding_m;
     box.hi_m[k] = center_m + half_m + rounding_m;
   }
+  open_where_unknown(box);
   return box;
 }
 
@@ -83,6 +97,7 @@ WorldBox ModelBounds::around_ball(const std::array<double, 3>& center_m, double 
     box.lo_m[k] = center_m[k] - half_m - rounding_m;
     box.hi_m[k] = center_m[k] + half_m + rounding_m;
   }
+  open_where_unknown(box);
   return box;
 }
 

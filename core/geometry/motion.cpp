@@ -76,7 +76,12 @@ Pose pose_at(const Motion& motion, double dt_s) {
   return pose;
 }
 
-double length_bound(const Vec3& v) { return std::sqrt(dot(v, v)) * kRoundUp; }
+// Of what is 2^512 m far the square is infinite: then the sum, which is no less.
+double length_bound(const Vec3& v) {
+  const double square = dot(v, v);
+  if (!std::isfinite(square)) return (std::abs(v[0]) + std::abs(v[1]) + std::abs(v[2])) * kRoundUp;
+  return std::sqrt(square) * kRoundUp;
+}
 
 double reach_m(const Grid& grid, const GridBox& box) {
   Vec3 farthest;
@@ -92,9 +97,10 @@ double reach_m(const Grid& grid, const GridBox& box) {
 }
 
 double speed_bound_mps(const Motion& motion, double reach) {
-  return (length_bound(motion.linear_velocity_mps) +
-          length_bound(motion.angular_velocity_radps) * reach * kStretch) *
-         kRoundUp;
+  const double turn_rate = length_bound(motion.angular_velocity_radps);
+  // An infinite reach, without a turn, is no speed.
+  const double turning_mps = turn_rate > 0 ? turn_rate * reach * kStretch : 0;
+  return (length_bound(motion.linear_velocity_mps) + turning_mps) * kRoundUp;
 }
 
 double placing_error_m(const Motion& motion, double reach, double duration_s) {

@@ -52,7 +52,7 @@ class Replica {
   static constexpr std::uint32_t kKeptBatches = 1U << 31;
   /// The same of a batch that was decoded elsewhere, with this model's header.
   [[nodiscard]] Taken take(const SplitBatch& batch, std::uint64_t sender = 0);
-  /// What this sender sends counts no more, and what is here is given up: nobody proves it.
+  /// What this sender sends counts no more, and all detail is forgotten, also what waits for its parents: nobody proves it.
   void distrust(std::uint64_t sender);
   /// Whether what this sender sent contradicted the model.
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }

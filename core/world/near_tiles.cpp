@@ -104,16 +104,16 @@ GridBox whole_box(const SplitStore& store) {
 
 Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
                                       const PageOf& page_of, const RelativeFrame& body_in_world,
-                                      const Grid& grid, const GridBox& body,
-                                      std::uint32_t reach_cells) {
+                                      const GridBox& body, std::uint32_t reach_cells) {
   const GridBox reach = grown(body, reach_cells);
   Result<NearTiles> near = find_near_tiles(world, root, page_of, body_in_world, reach);
   NEARMESH_RETURN_IF_ERROR(near);
-  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds.
+  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds. A pose from the bus is
+  // a rotation but for 1e-5, and what the body grew by shrinks with it.
   const double apart_m = near.value().apart_m;
-  const double grown_m =
-      std::max(0.0, (growth(body, reach) - 4) * std::ldexp(1.0, grid.exponent) * (1 - 0x1p-30) -
-                        4 * std::ldexp(1.0, world.lattice.exponent));
+  const double grown_m = std::max(
+      0.0, (growth(body, reach) - 4) * body_in_world.least_metres_per_b_unit * (1 - 0x1p-30) -
+               4 * std::ldexp(1.0, world.lattice.exponent));
   return TilesAround{std::move(near).value(), apart_m + grown_m};
 }
 

@@ -54,11 +54,10 @@ struct TilesAround {
 [[nodiscard]] GridBox whole_box(const SplitStore& store);
 
 /// As find_near_tiles(), of the body's box grown by so many cells of its grid on each side: what must not be met is listed early, and all else is
-/// farther. The same on whoever holds the same pages. In: whole_box(); body_in_world maps `grid`, the body's, into world_grid.
+/// farther. The same on whoever holds the same pages. In: whole_box(); body_in_world maps the body's grid into world_grid.
 [[nodiscard]] Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
                                                     const PageOf& page_of,
                                                     const RelativeFrame& body_in_world,
-                                                    const Grid& grid, const GridBox& body,
-                                                    std::uint32_t reach_cells);
+                                                    const GridBox& body, std::uint32_t reach_cells);
 
 }  // namespace nearmesh

@@ -59,14 +59,13 @@ GridBox PeerWorld::box() const {
 
 ModelBounds PeerWorld::bounds() const { return {world_grid(record_), box()}; }
 
-Result<TilesAround> PeerWorld::tiles_around(const RelativeFrame& body_in_world, const Grid& grid,
-                                            const GridBox& body, std::uint32_t reach_cells,
-                                            double time_s) {
+Result<TilesAround> PeerWorld::tiles_around(const RelativeFrame& body_in_world, const GridBox& body,
+                                            std::uint32_t reach_cells, double time_s) {
   if (const auto fault = faulty_.find(record_.root); fault != faulty_.end()) return fault->second;
   const PageOf page_of = [&](const WorldEntry& entry, int level) {
     return page(entry, level, time_s);
   };
-  return find_tiles_around(record_, *root_, page_of, body_in_world, grid, body, reach_cells);
+  return find_tiles_around(record_, *root_, page_of, body_in_world, body, reach_cells);
 }
 
 // One page may be announced by several, not all of them truly: whatever is announced is checked.

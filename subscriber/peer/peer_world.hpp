@@ -31,8 +31,8 @@ class PeerWorld {
   [[nodiscard]] Result<const WorldPage*> page(const WorldEntry& entry, int level, double time_s);
   /// As find_tiles_around(), from the pages that are here; they count as used at that time. Precondition: there is a root.
   [[nodiscard]] Result<TilesAround> tiles_around(const RelativeFrame& body_in_world,
-                                                 const Grid& grid, const GridBox& body,
-                                                 std::uint32_t reach_cells, double time_s);
+                                                 const GridBox& body, std::uint32_t reach_cells,
+                                                 double time_s);
   [[nodiscard]] bool has_page(const ContentHash& content) const {
     return pages_.contains(content) || faulty_.contains(content);
   }

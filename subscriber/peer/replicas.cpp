@@ -243,7 +243,7 @@ bool ReplicaSet::apply_one(FrameReport& report) {
     model.audit.is_proved |= taken.audited;
     if (!taken.status.is_ok())
       complain(model, taken.contradicts ? taken.liar : batch.publisher, taken, report.complaints);
-    if (taken.contradicts) model.cache = {.is_read = true, .has_news = true};
+    if (taken.contradicts) model.forget_cache();
     if (taken.status.is_ok() && !cache_folder_.empty() && !is_audit_piece(batch.bytes))
       model.cache.keep(std::move(batch.bytes), !is_cached);
     return true;

@@ -87,6 +87,8 @@ struct PeerModel {
 
     void keep(std::vector<std::uint8_t>&& batch, bool is_new);
   } cache;
+  /// What it has may be a lie: the file goes, too.
+  void forget_cache() { cache = {.is_read = true, .has_news = true}; }
 
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
   /// Its header is here, of a model or a world.

@@ -53,6 +53,7 @@ void Session::Impl::settle_audit(PeerModel& model, FrameReport& report) {
   }
   if (++model.audit.unproved[asked->first] < kMostUnproved) return;
   model.replica->distrust(asked->first);
+  model.forget_cache();
   report.complaints.push_back("model " + model.name + ": publisher " + to_hex(asked->first) +
                               " does not prove what it sent, " + std::to_string(kMostUnproved) +
                               " audits in a row: all detail is given up and it is not asked again");

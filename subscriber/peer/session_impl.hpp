@@ -59,10 +59,11 @@ struct Body {
   bool is_ready = false;           // why_not_ready() says nothing
   BodyReach reach;
 
-  // Promises: made of an own body, or heard of one that another moves. The latest first, and the one before it, which holds for frames
-  // of before the latest.
+  // Promises that were heard of one that another moves: the latest first, and the one before it, which holds for frames of before the
+  // latest.
   std::array<std::optional<wire::BodyPromise>, 2> promises;
-  double max_speed_mps = 0;                   // own: promised
+  std::vector<wire::BodyPromise> made;  // of an own body, in that order: others may rest on each
+  double max_speed_mps = 0;             // own: promised
   wire::Mover promiser = wire::Mover::kNone;  // of another's: who made them
   double wanted_s = -std::numeric_limits<
       double>::infinity();     // the update's time when its full poses were wanted last

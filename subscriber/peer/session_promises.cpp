@@ -17,6 +17,8 @@ constexpr double kLinger_s = 0.6;
 /// What is wanted is said again, since it may be lost, seconds by the machine's clock.
 constexpr double kRepeatWish_s = 0.5;
 constexpr std::size_t kMaxWishes = 4096;
+/// Promises of an own body that are remembered: each other body of its part may come in a frame of its own, and has a promise made of all.
+constexpr std::size_t kMostMade = 2 * wire::kBodiesPerPromise;
 
 /// A quantum is some 64th of the way that the slowest body may go: it hardly widens a promise, and its places are small numbers.
 constexpr double kQuantumShare = 0x1p-6;
@@ -47,6 +49,16 @@ void keep(wire::BodyPromise&& promise, double now_s,
   }
 }
 
+/// One that has ended is held to for as long again: the clock may go back, and who has heard no later one then rests on it. More than
+/// kMostMade there are only where the clock goes back again and again; then nobody who hears anything has the first any more.
+void note_made(wire::BodyPromise&& promise, double now_s, std::vector<wire::BodyPromise>& made) {
+  std::erase_if(made, [now_s](const wire::BodyPromise& before) {
+    return now_s - before.until_s > before.until_s - before.from_s;
+  });
+  if (made.size() == kMostMade) made.erase(made.begin());
+  made.push_back(std::move(promise));
+}
+
 }  // namespace
 
 /// The one that says where it may be at the frame's time; null where none does.
@@ -69,18 +81,17 @@ std::string Session::Impl::why_unpromised(const Body& body) const {
          (has_ended ? "before" : "after") + " the frame's time";
 }
 
-/// Others rest certified answers on promises, so nothing may break one.
+/// Others rest certified answers on promises, so nothing may break one: none, for who has not heard the latest rests on an earlier one.
 Status Session::Impl::check_promised(const Body& own, const Motion& motion, double at_s) const {
-  for (const std::optional<wire::BodyPromise>& promise : own.promises) {
-    if (!promise) continue;
-    const std::optional<double> radius_m = promise->radius_m(at_s);
-    const double way_m = distance_m(motion.pose.translation_m, promise->place_m);
+  for (const wire::BodyPromise& promise : own.made) {
+    const std::optional<double> radius_m = promise.radius_m(at_s);
+    const double way_m = distance_m(motion.pose.translation_m, promise.place_m);
     // radius_m rounds up.
     if (!radius_m || way_m <= *radius_m * (1 - 0x1p-46)) continue;
     return {StatusCode::kInvalidArgument,
             "body " + own.name + " is " + std::to_string(way_m) + " m from where it was " +
-                std::to_string(at_s - promise->from_s) + " s ago, farther than max_speed_mps, " +
-                std::to_string(promise->max_speed_mps) +
+                std::to_string(at_s - promise.from_s) + " s ago, farther than max_speed_mps, " +
+                std::to_string(promise.max_speed_mps) +
                 ", allows: others were promised that it is not"};
   }
   return Status::ok();
@@ -101,9 +112,8 @@ void Session::Impl::make_promises() {
       continue;
     const std::uint32_t part = own.number / wire::kBodiesPerPromise;
     parts[part].push_back(&own);
-    const std::optional<wire::BodyPromise>& latest = own.promises[0];
-    if (!latest || time_s < latest->from_s || time_s - latest->from_s >= kRenewShare * promise_s)
-      due.insert(part);
+    const double since_s = own.made.empty() ? 0 : time_s - own.made.back().from_s;
+    if (own.made.empty() || since_s < 0 || since_s >= kRenewShare * promise_s) due.insert(part);
   }
   for (const std::uint32_t part : due) {
     double farthest_m = 0, slowest_mps = wire::kMaxSpeed_mps;
@@ -127,7 +137,7 @@ void Session::Impl::make_promises() {
       wire::BodyDirectory::Body who;
       who.name = own->name;
       who.max_speed_mps = own->max_speed_mps;
-      keep(wire::promise_of(promises, entry, who), time_s, own->promises);
+      note_made(wire::promise_of(promises, entry, who), time_s, own->made);
       promises.bodies.push_back(entry);
     }
     channel->promise(promises);

@@ -182,7 +182,7 @@ Status Session::Impl::find_tiles(WorldPair& found) {
   const double around_m = approach.needed_m(horizon_s()) + options.margin_m +
                           4 * std::ldexp(1.0, tiles.record().lattice.exponent);
   found.reach_cells = static_cast<std::uint32_t>(
-      std::min(std::ceil(around_m * (1 + 0x1p-29) / cell_m) + 8, 4294967295.0));
+      std::min(std::ceil(around_m * (1 + 0x1p-16) / cell_m) + 8, 4294967295.0));
   Result<TilesAround> around = tiles_around(tiles, world, other, found.reach_cells);
   NEARMESH_RETURN_IF_ERROR(around);
   found.around = std::move(around).value();
@@ -198,7 +198,7 @@ Result<TilesAround> Session::Impl::tiles_around(PeerWorld& tiles, const Body& wo
       pose_pair(world_grid(tiles.record()), world.motion->pose, world.name, other.grid(),
                 other.motion->pose, other.name);
   NEARMESH_RETURN_IF_ERROR(posed);
-  return tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
+  return tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b),
                             whole_box(other.model->replica->store()), reach_cells, time_s);
 }
 

@@ -53,6 +53,35 @@ Motion random_motion(Random& random) {
   return motion;
 }
 
+// Squares and sums of such sizes are beyond doubles. What a bound of it that is no number meets is nothing.
+TEST(ModelBoundsOf, ModelsBeyondAllSizesMeetThemselvesAndWhatIsInThem) {
+  constexpr std::int32_t kLast = (1 << 21) - 1;
+  const GridBox whole{{{0, 0, 0}}, {{kLast, kLast, kLast}}};
+  const ModelBounds small({.exponent = -20}, whole);
+  std::vector<std::pair<Grid, bool>> grids;  // and whether the small one is in it
+  for (const int exponent : {480, 491, kMaxGridExponent}) {
+    const double half_m = std::ldexp(1.0, exponent + 20);
+    grids.push_back({{.origin_m = {-half_m, -half_m, -half_m}, .exponent = exponent}, true});
+  }
+  for (const double far_m : {1e150, 1e160, 1.7e308})
+    grids.push_back({{.origin_m = {far_m, -far_m, far_m}, .exponent = -20}, false});
+  for (const auto& [grid, has_small] : grids) {
+    SCOPED_TRACE(grid.origin_m[0]);
+    const ModelBounds large(grid, whole);
+    for (const double speed : {0.0, 1e9}) {
+      const Motion motion{.pose = {},
+                          .linear_velocity_mps = {speed, 0, 0},
+                          .angular_velocity_radps = {0, speed, 0}};
+      const WorldBox there = large.around({}, 2, 0);
+      EXPECT_TRUE(large.around(motion, 2, 0).meets(there));
+      EXPECT_TRUE(large.around_ball({}, speed, 0).meets(there));
+      EXPECT_TRUE(!has_small || small.around(motion, 2, 0).meets(there));
+      EXPECT_FALSE(std::isnan(large.way_m(motion, 2)));
+      EXPECT_EQ(large.way_m(motion, 0), 0);
+    }
+  }
+}
+
 TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
   const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
   BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);

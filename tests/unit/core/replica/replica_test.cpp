@@ -390,6 +390,28 @@ TEST_F(ReplicaAudit, BlamesTheTellerOfASplitNotOfItsParent) {
   expect_forgotten(audit(turned_, kHonest), kLiar);
 }
 
+// Who proves nothing may have told more than what is here: splits that wait for their parents, and half-spaces.
+TEST_F(ReplicaAudit, OfWhomNothingIsProvedNothingIsLeft) {
+  SplitBatch waits = told(true), first = told(false);
+  first.splits.resize(1);
+  waits.splits.erase(waits.splits.begin());
+  const NodeSpan root = first.splits[0].node;
+  waits.half_spaces = {{root, {.direction = 0, .reach = 255}},
+                       {first.splits[0].left(), {.direction = 0, .reach = 255}}};
+  ASSERT_TRUE(replica_.take(waits, kLiar).status.is_ok());
+  ASSERT_GT(replica_.parked_splits(), 0U);
+  ASSERT_FALSE(replica_.mesh().half_spaces().of(root.first).empty());
+  const std::uint32_t give_ups = replica_.give_ups();
+  replica_.distrust(kLiar);
+  EXPECT_EQ(replica_.give_ups(), give_ups + 1);
+  EXPECT_EQ(replica_.parked_splits(), 0U);
+  EXPECT_TRUE(replica_.mesh().half_spaces().is_empty());
+  ASSERT_TRUE(replica_.take(first, kHonest).status.is_ok());
+  Replica alone(file_.header());
+  ASSERT_TRUE(alone.take(first, kHonest).status.is_ok());
+  EXPECT_EQ(replica_.mesh().state_hash(), alone.mesh().state_hash());
+}
+
 TEST_F(ReplicaAudit, RefusesAProofThatIsNotOfTheContent) {
   ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
   const VertexId split = test::all_splits(model_.store).front();

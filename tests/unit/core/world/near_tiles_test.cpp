@@ -2,6 +2,7 @@
 #include "core/world/near_tiles.hpp"
 
 #include <deque>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -149,6 +150,29 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
   EXPECT_GT(touching, 150U);
   EXPECT_LT(listed, 150U * 12) << "most tiles are far from a ball";
   EXPECT_GT(missing, 10U);
+}
+
+// Of a pose from the bus that makes the body smaller, as far as one may: what is told of the rest is told of the smaller body.
+TEST(FindTilesAround, TheRestIsSoFarInAPoseThatShrinks) {
+  constexpr double kShrink = 1 - 4.99e-6, kFar_m = 4096;
+  const WorldRecord world{
+      .lattice = {.exponent = -14}, .bits = 21, .tiles = 1, .faces = 1, .root = {1, 1}};
+  // A tile that is a point.
+  const WorldPage root{.level = 0, .entries = {{.place = {1 << 26, 0, 0}, .content = {2, 2}}}};
+  const Grid grid{.exponent = -20};
+  const GridBox body{{{0, 0, 0}}, {{(1 << 21) - 1, 0, 0}}};
+  const Pose pose{.rotation = {kShrink, 0, 0, 0, kShrink, 0, 0, 0, kShrink}};
+  const Result<PosedPair> posed = pose_pair(world_grid(world), {}, "world", grid, pose, "body");
+  ASSERT_TRUE(posed.is_ok()) << posed.status().message();
+  const PageOf no_page = [](const WorldEntry&, int) -> Result<const WorldPage*> { return nullptr; };
+  const auto around =
+      find_tiles_around(world, root, no_page, make_relative_frame(posed.value().a, posed.value().b),
+                        body, std::numeric_limits<std::int32_t>::max());
+  ASSERT_TRUE(around.is_ok()) << around.status().message();
+  EXPECT_TRUE(around.value().near.tiles.empty());
+  const double apart_m = kFar_m - kShrink * std::ldexp((1 << 21) - 1, -20);
+  EXPECT_LE(around.value().rest_m, apart_m);
+  EXPECT_GT(around.value().rest_m, apart_m - 0.1);
 }
 
 TEST(FindNearTiles, AWorldThatListsItselfEnds) {

@@ -2,11 +2,13 @@
 // Audits: a publisher that lies with care, against peers that ask for blocks with their proof.
 
 #include <cstdio>
+#include <filesystem>
 #include <thread>
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
 #include "local_host.hpp"
+#include "subscriber/peer/detail_cache.hpp"
 #include "world.hpp"
 
 namespace nearmesh::test {
@@ -142,6 +144,23 @@ TEST_F(Audit, WhoProvesNothingIsNotAskedAgain) {
                                   " does not prove what it sent, 3 audits in a row"));
   world.start_publisher();
   EXPECT_EQ(world.fly(*session, make_flight(2)), 40U);
+}
+
+// Else the next session would begin with what the liar told.
+TEST_F(Audit, WhatWhoProvesNothingToldIsNotKeptForTheNextSession) {
+  const TempFile beside(".cache");
+  const std::string folder = beside.path() + ".folder";
+  SessionOptions with_cache = options(1);
+  with_cache.cache_folder = folder;
+  start_liar(kLiar, 0.01, Proves::kNothing);
+  const auto session = world.make_peer(with_cache);
+  frames_until(*session, "does not prove what it sent, 3 audits in a row", 200);
+  ASSERT_TRUE(world.has_complaint("does not prove what it sent, 3 audits in a row"));
+  ASSERT_TRUE(session->write_cache().is_ok());
+  const auto kept = subscriber::read_cached(folder, terrain().open().content_hash());
+  ASSERT_TRUE(kept.is_ok());
+  EXPECT_FALSE(kept.value().has_value());
+  std::filesystem::remove_all(folder);
 }
 
 /// How many audits it takes, by what share of the splits is false.

@@ -2,6 +2,7 @@
 // Bodies of others that are known by promises: what rests on them, when their full poses come, and what is refused.
 #include <map>
 
+#include "rounds.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
@@ -196,6 +197,41 @@ TEST_F(Promises, AreNotBroken) {
   far_ = mover_->add_body(moved_body("far", kMostSpeed_mps)).value();
   EXPECT_TRUE(at(-70'000, 4.6).is_ok());
   EXPECT_EQ(watch(92).free_by_bounds.pairs, 1U);
+}
+
+// A body that comes has a promise made of all of its part. Who has not heard that one rests on an earlier one.
+TEST_F(Promises, AreNotBrokenByThoseThatFollow) {
+  fly(0, flying({50'000, 0, 0}, {}, 0));
+  Status status;
+  int frame = 0;
+  while (status.is_ok() && frame < 20) {
+    ++frame;
+    const double time_s = frame * kPromiseFrame_s;
+    const BodyId next =
+        mover_->add_body(moved_body("next " + std::to_string(frame), kMostSpeed_mps)).value();
+    // 260 m/s: less than a quantum of 16 m beyond what is promised in each frame.
+    status = mover_
+                 ->update(static_cast<std::uint64_t>(frame), time_s,
+                          {{far_, flying({50'000 + 13.0 * frame, 0, 0}, {}, 0)},
+                           {next, flying({0, 50'000, 0}, {}, 0)}},
+                          1)
+                 .status();
+  }
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(frame, 6) << "78 m where 60 m and a quantum were promised at first";
+}
+
+TEST_F(Promises, AreNotBrokenByAClockThatGoesBack) {
+  const auto at = [&](double x, double time_s) {
+    return mover_->update(1, time_s, {{far_, flying({x, 0, 0}, {}, 0)}}, 1).status();
+  };
+  for (const double time_s : {0.0, 4.0, 8.5}) ASSERT_TRUE(at(50'000, time_s).is_ok());
+  ASSERT_EQ(world_.bus.promises.size(), 3U);
+  // Whoever has heard the first two of them takes it for there.
+  EXPECT_EQ(at(60'000, 2).code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(at(50'100, 2).is_ok());
+  EXPECT_TRUE(at(50'100, 2.05).is_ok());
+  EXPECT_EQ(world_.bus.promises.size(), 4U) << "it is said again once, not in each frame";
 }
 
 TEST_F(Promises, OfAMoverThatLeftAreVoidAndThoseOfTheNextCount) {
