@@ -17,20 +17,22 @@ namespace {
 
 using Indices = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
 
-/// Numbers of vertices. A fraction, or a number that is none, NumPy would cut off without a word: another mesh.
+/// Numbers of vertices. A fraction, or a number that is none, NumPy would cut off, with a warning at most: another mesh.
 Indices indices_of(const py::object& given) {
   const auto numbers = py::array::ensure(given);
+  if (numbers && numbers.dtype().kind() == 'f') {
+    const auto exact = Doubles::ensure(numbers);
+    for (py::ssize_t i = 0; i < exact.size(); ++i) {
+      const double number = exact.data()[i];
+      if (std::trunc(number) != number || std::abs(number) > 0x1p53)
+        refuse("faces: " + std::string(py::str(py::float_(number))) + " is no number of a vertex");
+    }
+  }
   const auto indices = Indices::ensure(given);
   if (!numbers || !indices) {
     PyErr_Clear();
     refuse("faces: expected an array (n, 3) of numbers of vertices");
   }
-  if (numbers.dtype().kind() != 'f') return indices;
-  const auto exact = Doubles::ensure(numbers);
-  for (py::ssize_t i = 0; i < indices.size(); ++i)
-    if (exact.data()[i] != static_cast<double>(indices.data()[i]))
-      refuse("faces: " + std::string(py::str(py::float_(exact.data()[i]))) +
-             " is no number of a vertex");
   return indices;
 }
 
