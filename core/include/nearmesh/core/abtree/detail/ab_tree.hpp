@@ -97,6 +97,7 @@ class AbTree {
   void free_tip(std::uint32_t tip);
   [[nodiscard]] std::uint32_t tip_of(VertexId active) const { return tip_of_[active.value] - 1; }
   void set_tip_of(VertexId active, std::uint32_t tip) { tip_of_.set(active.value) = tip + 1; }
+  [[nodiscard]] std::uint32_t tip_at(TreePlace place) const;
   void set_entry(TreePlace place, const TreeEntry& entry);
   [[nodiscard]] TreeEntry entry(TreePlace place) const {
     return arrays_.nodes[place / kLanes].entry(place % kLanes);
@@ -107,17 +108,11 @@ class AbTree {
   void tell_watchers(std::uint32_t tip, VertexBits corners, bool may_lose);
   void watch_corners(std::uint32_t watcher);
   void watch(std::uint32_t tip, std::uint32_t watcher, VertexBits corners);
-  [[nodiscard]] Slab slab_of(NodeSpan node, const GridBox& box) const;
-  void free_micro_tree(TreePlace place);
-
-  // What hangs where above slots: shape.cpp.
-  [[nodiscard]] std::uint32_t tip_at(TreePlace place) const;
-  [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
-  [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
-  void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
+  [[nodiscard]] Slab slab_of(NodeSpan node, const GridBox& box) const;
+  void free_micro_tree(TreePlace place);
 
   // Slots: slots.cpp.
   void look_at(std::uint32_t tip);
@@ -134,6 +129,9 @@ class AbTree {
   void check_bounds(std::uint32_t tip, const AxesBox& faces);
   void build_micro_tree(std::uint32_t slot);
 
+  [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
+  [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
+  void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
   bool refit_lane(TreePlace place);
   void refit();
