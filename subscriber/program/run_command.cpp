@@ -285,16 +285,15 @@ class Flight {
     return Status::ok();
   }
 
+  // A frame begins a period after the one before it at the earliest. Frames that were late are not made up for by faster ones: bodies
+  // would go faster than their trajectories say, and farther than others were promised.
   Status fly() {
-    const double period_s = 1 / scene_.frame_rate_hz;
     const Stopwatch clock;
     for (std::uint64_t frame = 0;
          frame < scene_.frames && stop_requested == 0 && channel_.identity().is_ok(); ++frame) {
-      const double end_s = static_cast<double>(frame + 1) * period_s;
-      NEARMESH_RETURN_IF_ERROR(fly_frame(frame, end_s, clock));
+      NEARMESH_RETURN_IF_ERROR(fly_frame(frame));
       show_progress(frame + 1);
-      while (clock.seconds() < end_s && stop_requested == 0)
-        sleep_s(std::min(kLongestPause_s, std::max(0.0, end_s - clock.seconds())));
+      while (left_s() > 0 && stop_requested == 0) sleep_s(std::min(kLongestPause_s, left_s()));
     }
     summary_.seconds = clock.seconds();
     summary_.stats = session_.stats();
@@ -381,6 +380,7 @@ class Flight {
                              double budget_s) {
     exercise_.follow(session_.heard_time_s());
     time_s_ = exercise_.now_s();
+    update_clock_ = {};
     auto report = session_.update(frame, time_s_, motions, budget_s);
     if (report.is_ok()) {
       for (const BodyId body : report.value().went) others_.erase(body);
@@ -444,16 +444,19 @@ class Flight {
     }
   }
 
+  // Of this frame.
+  [[nodiscard]] double left_s() const { return 1 / scene_.frame_rate_hz - frame_clock_.seconds(); }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
-  Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
+  Status fly_frame(std::uint64_t frame) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
-    const double begun_s = clock.seconds();
     answered_.clear();
     for (bool again = false;; again = true) {
       Result<FrameReport> result =
           update(frame, again ? no_motions_ : with_heard(motions(frame)), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
+      if (!again) frame_clock_ = update_clock_;
       FrameReport& report = result.value();
       take_turns(report);
       log(report);
@@ -462,12 +465,12 @@ class Flight {
       refine_s += report.refine_s;
       tree_s += report.tree_s;
       query_s += report.query_s;
-      const bool more_time = clock.seconds() + 0.002 < end_s - 0.25 / scene_.frame_rate_hz;
+      const bool more_time = left_s() > 0.25 / scene_.frame_rate_hz + 0.002;
       if (report.all_certified() || !more_time || stop_requested != 0) {
         NEARMESH_RETURN_IF_ERROR(record(frame, report));
         break;
       }
-      pause_after(clock.seconds() - begun_s, 0.001);
+      pause_after(frame_clock_.seconds(), 0.001);
     }
     summary_.load.add(load_s);
     summary_.refine.add(refine_s);
@@ -547,6 +550,8 @@ class Flight {
   const std::unique_ptr<Ros2Flight> ros2_;
   ExerciseClock exercise_;
   double time_s_ = 0;  ///< of the last update
+  /// Since the last update's time, and that of the frame's first one.
+  Stopwatch update_clock_, frame_clock_;
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;

@@ -125,6 +125,20 @@ void add_velocities(std::vector<Motion>& motions, double rate_hz) {
   }
 }
 
+/// Empty where it never goes faster than that; 0: it may go as fast as it will.
+std::string why_too_fast(const std::vector<Motion>& motions, double max_speed_mps) {
+  if (max_speed_mps <= 0) return {};
+  for (std::size_t row = 0; row < motions.size(); ++row) {
+    const auto& v = motions[row].linear_velocity_mps;
+    const double speed_mps = std::hypot(v[0], v[1], v[2]);
+    // Its places are rounded, and their differences are.
+    if (speed_mps > max_speed_mps * (1 + 1e-6))
+      return "frame " + std::to_string(row) + " goes at " + std::to_string(speed_mps) +
+             " m/s, faster than max_speed_mps, " + std::to_string(max_speed_mps);
+  }
+  return {};
+}
+
 Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::string& body,
                                             double rate_hz) {
   const Result<CsvTable> table = CsvTable::read(path);
@@ -246,6 +260,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,
                                      scene.frame_rate_hz);
       if (!motions.is_ok()) fail(node["trajectory"], motions.status().message());
+      if (const std::string why = why_too_fast(motions.value(), body.max_speed_mps); !why.empty())
+        fail(node["trajectory"], "trajectory of " + name + ": " + why);
       body.trajectory = std::move(motions).value();
       scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
     }

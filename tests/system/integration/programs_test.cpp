@@ -740,7 +740,7 @@ TEST_F(RecordedFlights, WhatWasFreeByBoundsIsProvedFromTheRecordedPoses) {
 // One of the two makes promises; the recorder hears all of its full poses.
 TEST_F(RecordedFlights, WhatWasFreeByPromisesIsProvedFromTheRecording) {
   write_flights(100);
-  write_scene("first", {"one"}, "own", "", "aircraft, max_speed_mps: 1000");
+  write_scene("first", {"one"}, "own", "", "aircraft, max_speed_mps: 2000");
   write_scene("second", {"two"}, "own");
   const std::string session = folder.file("session.db3");
   fly_and_prove(session);
@@ -752,6 +752,19 @@ TEST_F(RecordedFlights, WhatWasFreeByPromisesIsProvedFromTheRecording) {
         name.ends_with("near_poses") || name.ends_with("body_promises")) {
       EXPECT_GT(topic.at("samples"), 0U) << topic;
     }
+}
+
+// A trajectory that is made up for, frame upon frame, is faster than its body may be.
+TEST_F(Programs, WhoWasHeldUpGoesNoFasterThanWasPromised) {
+  write_flights(100);
+  write_scene("first", {"one"}, "[[ground, one]]", "", "aircraft, max_speed_mps: 2000");
+  const auto publisher = serve();
+  const auto peer = fly("first");
+  ASSERT_TRUE(peer->says("frame 25 of 100")) << peer->err();
+  peer->signal(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::milliseconds(4200));  // a promise is due
+  peer->signal(SIGCONT);
+  EXPECT_EQ(peer->wait(), 0) << peer->err();
 }
 
 TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {

@@ -169,6 +169,24 @@ TEST(ReadScene, MayWatchThePairsOfItsOwnBodiesWhoseSpeedsItSays) {
             std::string::npos);
 }
 
+TEST(ReadScene, ATrajectoryIsNoFasterThanItsBodyMayBe) {
+  Folder folder;
+  folder.write("flight1.csv",
+               "QW,QX,QY,QZ,T0,T1,T2\n1,0,0,0,0,0,0\n1,0,0,0,3,4,0\n1,0,0,0,9,12,0\n");
+  const auto read = [&](const std::string& max_speed_mps) {
+    folder.write("scene.yaml",
+                 "bodies:\n  - {name: one, model: m, max_speed_mps: " + max_speed_mps +
+                     "}\nmoves:\n  - {body: one, trajectory: flight1.csv}\n"
+                     "pairs: own\nframe_rate_hz: 10\n");
+    return read_scene(folder.file("scene.yaml")).status().message();
+  };
+  EXPECT_EQ(read("100"), "");
+  EXPECT_NE(read("99").find("scene.yaml:4: trajectory of one: frame 1 goes at 100.000000 m/s, "
+                            "faster than max_speed_mps, 99.000000"),
+            std::string::npos)
+      << read("99");
+}
+
 TEST(ReadScene, ReadsWhichLinksARobotHas) {
   Folder folder;
   folder.write("scene.yaml", changed("  - {body: one, trajectory: flight1.csv}\n",
