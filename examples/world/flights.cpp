@@ -103,10 +103,11 @@ bool write_flight(const std::filesystem::path& path, const Ground& ground, const
   for (int frame = 0; frame < plan.frames; ++frame) {
     const double x_m = x0 + kSpeed_mps * frame / plan.rate_hz;
     const double way = static_cast<double>(frame) / plan.frames;
-    const bool dips = flight == Flight::kLowAndTouching && way > 0.4 && way < 0.6;
-    const double z_m = flight == Flight::kHigh
-                           ? 3000 + body % 50 * 100
-                           : ground.top_m(x_m, y_m, kAround_m) + (dips ? -6 : 12);
+    const double dip = flight == Flight::kLowAndTouching && way > 0.4 && way < 0.6
+                           ? std::sin((way - 0.4) / 0.2 * std::numbers::pi)
+                           : 0;
+    const double z_m = flight == Flight::kHigh ? 3000 + body % 50 * 100
+                                               : ground.top_m(x_m, y_m, kAround_m) + 12 - 18 * dip;
     out << "1,0,0,0," << x_m << ',' << y_m << ',' << z_m << '\n';
   }
   out.close();
