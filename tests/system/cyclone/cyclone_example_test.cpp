@@ -92,7 +92,7 @@ TEST_F(CycloneExample, HearsPromisesAndThePosesThatItWants) {
   folder.write("scene.yaml",
                "bodies:\n"
                "  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
-               "  - {name: one, model: aircraft, max_speed_mps: 500}\n"
+               "  - {name: one, model: aircraft, max_speed_mps: 800}\n"
                "moves:\n  - {body: one, trajectory: flight1.csv}\n"
                "pairs: [[ground, one]]\nframe_rate_hz: 50\n");
   test::Process publisher(folder, "nearmesh-publisher", on_bus({"serve", terrain, aircraft}));
