@@ -25,6 +25,13 @@ Result<Motion> at_frame(const AskedBody& body) {
   return motion;
 }
 
+/// How far from there its point may truly be: what pose_at() rounds on the way, which grows with the turn.
+double error_at_frame_m(const AskedBody& body) {
+  if (body.age_s == 0 || is_at_rest(body.motion)) return 0;
+  return placing_error_m(body.motion, reach_m(*body.view.grid, body.view.root().box),
+                         std::abs(body.age_s));
+}
+
 /// Whether the bodies cannot meet in all of the time ahead, whichever way they go at their speeds: the horizon is longer by more
 /// than what their motions' poses may be off on the way.
 bool is_free_by_speed(const AskedBody& a, const AskedBody& b, double horizon_s, double sweep_s) {
@@ -51,7 +58,8 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
                     b.view, motion_b.value(), b.name,
                     {.duration_s = options.sweep_s,
                      .max_tests = options.max_sweep_tests,
-                     .is_over = options.is_over});
+                     .is_over = options.is_over},
+                    error_at_frame_m(a) + error_at_frame_m(b));
 }
 
 /// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
