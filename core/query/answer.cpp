@@ -7,6 +7,7 @@
 
 #include "contacts_in_time.hpp"
 #include "core/geometry/motion_bounds.hpp"
+#include "core/geometry/vec3.hpp"
 #include "sweep_from.hpp"
 
 namespace nearmesh {
@@ -65,12 +66,17 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
 /// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
 constexpr std::uint64_t kFreeTests = 65'536;
 
-/// Where a point that went with the body is now.
-std::array<double, 3> carried(const Pose& then, const Pose& now, const std::array<double, 3>& p) {
-  std::array<double, 3> own{}, out = now.translation_m;
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t k = 0; k < 3; ++k)
-      own[i] += then.rotation[3 * k + i] * (p[k] - then.translation_m[k]);
+/// Where a point that went with the body is now. What came from another mover is a rotation but for 1e-5, so it is undone by its inverse:
+/// the transposed matrix would leave the point off by as much of its distance from the origin.
+Vec3 carried(const Pose& then, const Pose& now, const Vec3& p) {
+  const std::array<double, 9>& r = then.rotation;
+  const std::array<Vec3, 3> columns{{{r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]}}};
+  const Vec3 way = minus(p, then.translation_m);
+  Vec3 own, out = now.translation_m;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3 across = cross(columns[(i + 1) % 3], columns[(i + 2) % 3]);
+    own[i] = dot(across, way) / dot(across, columns[i]);
+  }
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k) out[i] += now.rotation[3 * i + k] * own[k];
   return out;
