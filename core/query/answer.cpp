@@ -7,6 +7,7 @@
 
 #include "contacts_in_time.hpp"
 #include "core/geometry/motion_bounds.hpp"
+#include "core/geometry/vec3.hpp"
 #include "sweep_from.hpp"
 
 namespace nearmesh {
@@ -23,6 +24,13 @@ Result<Motion> at_frame(const AskedBody& body) {
   Motion motion = body.motion;
   motion.pose = pose_at(body.motion, body.age_s);
   return motion;
+}
+
+/// How far from there its point may truly be: what pose_at() rounds on the way, which grows with the turn.
+double error_at_frame_m(const AskedBody& body) {
+  if (body.age_s == 0 || is_at_rest(body.motion)) return 0;
+  return placing_error_m(body.motion, reach_m(*body.view.grid, body.view.root().box),
+                         std::abs(body.age_s));
 }
 
 /// Whether the bodies cannot meet in all of the time ahead, whichever way they go at their speeds: the horizon is longer by more
@@ -51,18 +59,24 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
                     b.view, motion_b.value(), b.name,
                     {.duration_s = options.sweep_s,
                      .max_tests = options.max_sweep_tests,
-                     .is_over = options.is_over});
+                     .is_over = options.is_over},
+                    error_at_frame_m(a) + error_at_frame_m(b));
 }
 
 /// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
 constexpr std::uint64_t kFreeTests = 65'536;
 
-/// Where a point that went with the body is now.
-std::array<double, 3> carried(const Pose& then, const Pose& now, const std::array<double, 3>& p) {
-  std::array<double, 3> own{}, out = now.translation_m;
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t k = 0; k < 3; ++k)
-      own[i] += then.rotation[3 * k + i] * (p[k] - then.translation_m[k]);
+/// Where a point that went with the body is now. What came from another mover is a rotation but for 1e-5, so it is undone by its inverse:
+/// the transposed matrix would leave the point off by as much of its distance from the origin.
+Vec3 carried(const Pose& then, const Pose& now, const Vec3& p) {
+  const std::array<double, 9>& r = then.rotation;
+  const std::array<Vec3, 3> columns{{{r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]}}};
+  const Vec3 way = minus(p, then.translation_m);
+  Vec3 own, out = now.translation_m;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3 across = cross(columns[(i + 1) % 3], columns[(i + 2) % 3]);
+    own[i] = dot(across, way) / dot(across, columns[i]);
+  }
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k) out[i] += now.rotation[3 * i + k] * own[k];
   return out;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depth along a direction, in steps of a lattice cell. By k steps B moves by k times the direction, rounded to whole cells, so its
-// posed mesh moves as it is, and faces may be tested exactly at any step.
+// posed mesh moves as it is, and faces may be tested exactly at any step. Far from the origin the doubles of B's translation are farther apart
+// than cells: there a step is of as many cells as they are, and B moves by whole steps along each axis, or a query would be asked about
+// another place than the step's.
 //
 // From below. Faces f and g are convex, so {w : f and g + w touch} is convex: touching at steps j and k they touch all along the
 // straight way between, which is within a cell of the line. The search holds a pair that touches at the step it has reached, goes
@@ -27,7 +29,7 @@ constexpr Step kNoStep = -1;
 constexpr std::size_t kMostPatches = 4;
 /// Of more pairs that touch at a step so many are looked at.
 constexpr std::size_t kMostPairs = 128;
-/// What steps_until_apart() counts for, in tests.
+/// What cells_until_apart() counts for, in tests.
 constexpr std::uint64_t kTestsAGuess = 32;
 /// A query is given at least so many, which is enough where boxes are apart: so some place is found that is free.
 constexpr std::uint64_t kLeastTests = 4096;
@@ -44,8 +46,8 @@ Vec3 unit(Vec3 v) {
   return v;
 }
 
-/// About how many steps b can go along n and still touch a: each axis along which triangles can be apart is tried. A guess, in doubles.
-double steps_until_apart(const LatticeTriangle& a, const LatticeTriangle& b, const Vec3& n) {
+/// About how many cells b can go along n and still touch a: each axis along which triangles can be apart is tried. A guess, in doubles.
+double cells_until_apart(const LatticeTriangle& a, const LatticeTriangle& b, const Vec3& n) {
   std::array<Vec3, 3> x, y;
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -85,7 +87,24 @@ struct Touching {
   const Pose& pose_b;
   std::string_view name_b;
   PosedPair posed;
+  Step cells_a_step;
 };
+
+/// As many as a double tells apart at B's translation and wherever a search takes it: bodies that touch are apart after a way of their sizes.
+Step cells_a_step(const PosedPair& posed, const GridBox& box_a, const GridBox& box_b,
+                  const Pose& pose_b) {
+  double farthest = 0, sizes = 0;
+  const LatticeBox a = pose_box(posed.a, box_a), b = pose_box(posed.b, box_b);
+  for (int k = 0; k < 3; ++k) {
+    farthest =
+        std::max(farthest, std::abs(std::ldexp(pose_b.translation_m[static_cast<std::size_t>(k)],
+                                               -posed.b.lattice_exp)));
+    sizes += static_cast<double>((a.hi[k] - a.lo[k]) + (b.hi[k] - b.lo[k]));
+  }
+  int bits = 0;
+  static_cast<void>(std::frexp(farthest + 3 * sizes + 16, &bits));
+  return Step{1} << std::max(0, bits - std::numeric_limits<double>::digits);
+}
 
 /// One direction.
 class WayOut {
@@ -111,8 +130,12 @@ class WayOut {
   [[nodiscard]] std::array<Step, 3> cells(Step step) const {
     std::array<Step, 3> out;
     for (std::size_t k = 0; k < 3; ++k)
-      out[k] = static_cast<Step>(std::floor(static_cast<double>(step) * direction_[k] + 0.5));
+      out[k] = static_cast<Step>(std::floor(static_cast<double>(step) * direction_[k] + 0.5)) *
+               t_.cells_a_step;
     return out;
+  }
+  [[nodiscard]] double length_m(Step step) const {
+    return std::ldexp(static_cast<double>(step * t_.cells_a_step), t_.posed.b.lattice_exp);
   }
   [[nodiscard]] const Answer& undecided() const { return undecided_; }
   [[nodiscard]] const QueryStats& stats() const { return stats_; }
@@ -130,10 +153,11 @@ class WayOut {
       way += n * static_cast<double>(n > 0 ? box_a.hi[k] - box_b.lo[k] : box_a.lo[k] - box_b.hi[k]);
       sizes += static_cast<double>((box_a.hi[k] - box_a.lo[k]) + (box_b.hi[k] - box_b.lo[k]));
     }
-    return static_cast<Step>(std::max(way, 0.0) + 2 * sizes) + 16;
+    const Step cells = static_cast<Step>(std::max(way, 0.0) + 2 * sizes) + 16;
+    return (cells + t_.cells_a_step - 1) / t_.cells_a_step;
   }
 
-  /// What touches after so many steps; nothing known where B may not be placed there.
+  /// What touches after so many steps; nothing known where B may not be placed there, or not just there.
   Answer ask(Step step) {
     Pose moved = t_.pose_b;
     const std::array<Step, 3> way = cells(step);
@@ -142,6 +166,8 @@ class WayOut {
     const Result<PosedPair> posed =
         pose_pair(*t_.a.grid, t_.pose_a, t_.name_a, *t_.b.grid, moved, t_.name_b);
     if (!posed.is_ok()) return {};
+    for (std::size_t k = 0; k < 3; ++k)
+      if (posed.value().b.translation[k] - t_.posed.b.translation[k] != way[k]) return {};
     Answer answer =
         query(t_.a, posed.value().a, t_.b, posed.value().b,
               {.clearance = Clearance::kNone,
@@ -183,7 +209,8 @@ class WayOut {
     for (std::uint32_t i = 0; i < pairs.size(); ++i) {
       const LatticeTriangle& face_b = found.b.posed[found.b.of_pair[i]];
       found.farthest_first.emplace_back(
-          -steps_until_apart(found.a.posed[found.a.of_pair[i]], moved(face_b, step), direction_),
+          -cells_until_apart(found.a.posed[found.a.of_pair[i]], moved(face_b, step), direction_) /
+              static_cast<double>(t_.cells_a_step),
           i);
     }
     std::sort(found.farthest_first.begin(), found.farthest_first.end());
@@ -340,8 +367,14 @@ Result<Depth> find_depth(const TreeView& a, const Pose& pose_a, std::string_view
   }
   Depth best;
   if (answer.pairs.empty() || directions.empty()) return best;
-  const Touching bodies{a, pose_a, name_a, b, pose_b, name_b, posed.value()};
-  const int cell = bodies.posed.a.lattice_exp;
+  const Touching bodies{a,
+                        pose_a,
+                        name_a,
+                        b,
+                        pose_b,
+                        name_b,
+                        posed.value(),
+                        cells_a_step(posed.value(), a.root().box, b.root().box, pose_b)};
   const std::vector<FacePair> pairs = some_of(answer.pairs);
   Step least_free = std::numeric_limits<Step>::max();
   std::uint64_t left = options.max_tests;
@@ -356,15 +389,15 @@ Result<Depth> find_depth(const TreeView& a, const Pose& pose_a, std::string_view
     const bool is_better = search.free() != kNoStep && search.free() < least_free;
     if (!is_better && i > 0) continue;
     best.direction = directions[i];
-    best.at_least_m = std::ldexp(static_cast<double>(search.reached()), cell);
+    best.at_least_m = search.length_m(search.reached());
     best.missing_a = search.undecided().missing_a;
     best.missing_b = search.undecided().missing_b;
     if (!is_better) continue;
     least_free = search.free();
-    best.at_most_m = std::ldexp(static_cast<double>(least_free), cell);
+    best.at_most_m = search.length_m(least_free);
     const std::array<Step, 3> way = search.cells(least_free);
     for (std::size_t k = 0; k < 3; ++k)
-      best.separation_m[k] = std::ldexp(static_cast<double>(way[k]), cell);
+      best.separation_m[k] = std::ldexp(static_cast<double>(way[k]), bodies.posed.b.lattice_exp);
   }
   return best;
 }

@@ -8,6 +8,8 @@
 //    `along` holds for h, and besides turns it by at most |w_b| h |R0 x_b| and a point of A by |w_a| h |R0 x_a|: an arc is
 //    longer than its chord. |R0 x| <= 1.0001 reach (check_pose), reach that of the node's own box.
 // 3. At t a point of a posed triangle is within posing_error_m of the true motion's.
+// 4. Where the motions' poses have themselves been taken to the start (core/query/answer.cpp), each is off by placing_error_m of the way there,
+//    and stays so: what moves on rigidly from two such places is no farther apart later. Both are in start_error_m, which goes into `around`.
 // So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors, and boxes that stay apart
 // under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (core/THEOREM.md).
 // Instants k T / 2^n are rounded to doubles: m and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
@@ -484,7 +486,8 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
 
 Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motion& motion_a,
                                std::string_view name_a, const TreeView& b, const Motion& motion_b,
-                               std::string_view name_b, const SweepOptions& options) {
+                               std::string_view name_b, const SweepOptions& options,
+                               double start_error_m) {
   NEARMESH_ASSERT(options.time_levels >= 0 && options.time_levels <= kMaxTimeLevels);
   if (!(options.duration_s >= kMinSweep_s && options.duration_s <= kMaxSweep_s))
     return Status{StatusCode::kInvalidArgument,
@@ -505,7 +508,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     if (asked) swept.stats = asked->stats;
     return swept;
   }
-  return SweptQuery({a, motion_a}, name_a, {b, motion_b}, name_b, options).run();
+  return SweptQuery({a, motion_a}, name_a, {b, motion_b}, name_b, options, start_error_m).run();
 }
 
 Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,

@@ -246,13 +246,11 @@ struct Session::Impl {
 
   // session_links.cpp: poses of robots that others move, until all of an instant are here.
   struct HeardLinks {
-    struct Instant {
-      std::map<std::uint32_t, wire::BodyPose> poses;  // by number
-      std::uint32_t newest = 0;                       // sequence
-    };
-    std::map<double, Instant> instants;  // by time
-    std::uint32_t taken = 0;             // the newest sequence of those that count now
-    double taken_s = 0;                  // their time
+    using Update = std::uint32_t;                             // wire::first_sample_of_robot()
+    using Instant = std::map<std::uint32_t, wire::BodyPose>;  // by number
+    std::map<std::pair<Update, double>, Instant> instants;    // by update and time
+    Update taken = 0;                                         // of those that count now
+    double taken_s = 0;                                       // their time
   };
   std::map<std::pair<wire::SessionId, std::uint32_t>, HeardLinks> heard_links;  // by first link
   std::uint64_t looked_for_robots_in = 0;  // the update that forget_robots_of_nobody() did

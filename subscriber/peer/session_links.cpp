@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Robots: bodies whose poses count together. Those that fit travel in one sample; of others each hearer takes the parts of an instant when
-// all of them are here, and rests on the last whole one until then.
+// all of them are here, and rests on the last whole one until then. An instant is one time in one update of the mover: of two updates of one
+// time parts may be lost, and what is left of both is no robot.
 #include <algorithm>
 #include <utility>
 
@@ -84,17 +85,19 @@ void Session::Impl::add_parts_of(const Body& own, std::vector<std::uint32_t>& pa
 }
 
 void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints) {
+  if (pose.sequence == 0 || pose.is_near) return;  // nothing tells which others it goes with
   const std::pair robot(pose.peer, pose.first_link);
   if (heard_links.size() >= kMaxRobots && !heard_links.contains(robot)) forget_robots_of_nobody();
   if (heard_links.size() >= kMaxRobots && !heard_links.contains(robot)) return;
   HeardLinks& heard = heard_links[robot];
-  HeardLinks::Instant& instant = heard.instants[pose.time_s];
-  instant.poses.insert_or_assign(pose.number, pose);
-  if (is_after(pose.sequence, instant.newest)) instant.newest = pose.sequence;
+  const HeardLinks::Update update =
+      wire::first_sample_of_robot(pose.sequence, pose.number, pose.first_link);
+  HeardLinks::Instant& instant = heard.instants[{update, pose.time_s}];
+  instant.insert_or_assign(pose.number, pose);
   const auto is_older = [](const auto& one, const auto& other) {
-    return is_after(other.second.newest, one.second.newest);
+    return is_after(other.first.first, one.first.first);
   };
-  if (instant.poses.size() < pose.links) {
+  if (instant.size() < pose.links) {
     if (heard.instants.size() > kMaxInstants)
       heard.instants.erase(
           std::min_element(heard.instants.begin(), heard.instants.end(), is_older));
@@ -102,13 +105,13 @@ void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::strin
   }
   // What was sent before what counts already is late.
   const bool is_said_anew = pose.time_s < heard.taken_s - kMostLate_s;
-  if (is_said_anew || !is_after(heard.taken, instant.newest)) {
-    heard.taken = instant.newest;
+  if (is_said_anew || !is_after(heard.taken, update)) {
+    heard.taken = update;
     heard.taken_s = pose.time_s;
-    for (const auto& [number, link] : instant.poses) take_pose(link, complaints);
+    for (const auto& [number, link] : instant) take_pose(link, complaints);
   }
   std::erase_if(heard.instants,
-                [&](const auto& entry) { return !is_after(entry.second.newest, heard.taken); });
+                [&](const auto& entry) { return !is_after(entry.first.first, heard.taken); });
 }
 
 /// Those of which no body here is a link: their links are not looked at here, so nothing says when they are gone. Of one that is there the next

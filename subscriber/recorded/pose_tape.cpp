@@ -78,7 +78,7 @@ PoseSamples::Links PoseSamples::find_links(std::uint32_t first, std::uint32_t li
     Links links;
     std::uint64_t newest = 0;
   };
-  std::map<double, Instant> instants;
+  std::map<std::pair<std::uint32_t, double>, Instant> instants;  // by update and time
   for (std::uint32_t at = first / wire::kBodiesPerPart;
        at <= (first + links - 1) / wire::kBodiesPerPart; ++at) {
     const auto part = parts_.find(at);
@@ -88,14 +88,16 @@ PoseSamples::Links PoseSamples::find_links(std::uint32_t first, std::uint32_t li
       --sample;
       for (const wire::BodyPoses::Body& body : sample->second.bodies) {
         if (body.number < first || body.number >= first + links) continue;
-        Instant& instant = instants[body.time_s];
+        const std::uint32_t update = wire::first_sample_of_robot(
+            static_cast<std::uint32_t>(sample->first), body.number, first);
+        Instant& instant = instants[{update, body.time_s}];
         instant.newest = std::max(instant.newest, sample->first);
         instant.links.try_emplace(body.number, Found{&body, sample->first});
       }
     }
   }
   Instant* whole = nullptr;
-  for (auto& [time_s, instant] : instants)
+  for (auto& [when, instant] : instants)
     if (instant.links.size() == links && (whole == nullptr || whole->newest < instant.newest))
       whole = &instant;
   return whole == nullptr ? Links{} : std::move(whole->links);

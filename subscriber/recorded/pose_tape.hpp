@@ -76,7 +76,7 @@ class PoseSamples {
   };
   /// Where the last samples of its part have the body, of those up to `last`.
   [[nodiscard]] Found find(std::uint32_t number, std::uint32_t last) const;
-  /// The same of the links of a robot, by number: where the last instant has them of which all had come. Empty where there is none.
+  /// The same of the links of a robot, by number: where the last instant of one update has them of which all had come. Empty where there is none.
   using Links = std::map<std::uint32_t, Found>;
   [[nodiscard]] Links find_links(std::uint32_t first, std::uint32_t links,
                                  std::uint32_t last) const;

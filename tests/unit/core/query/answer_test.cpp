@@ -52,6 +52,34 @@ std::pair<AnswerStatus, AnswerStatus> check(const AskedBody& a, const AskedBody&
   return {expected.status, swept.value().status};
 }
 
+/// A square of side 1 m at a height, about the model's origin; cells of 2^-30 m.
+TriangleTree plate_at(std::int32_t height_cells) {
+  const std::int32_t middle = 1 << 30, half = 1 << 29;
+  const auto corner = [&](int x, int y) {
+    return GridPoint{{middle + x * half, middle + y * half, middle + height_cells}};
+  };
+  return build_triangle_tree({.origin_m = {-1, -1, -1}, .exponent = -30, .bits = 31},
+                             {{{corner(-1, -1), corner(1, -1), corner(1, 1)}, {{}, 0}},
+                              {{corner(-1, -1), corner(1, 1), corner(-1, 1)}, {{}, 1}}});
+}
+
+// Above a plate that turns slowly there is one, nearer than where a turn of 10^6 radians is known to.
+TEST(Answer, TheSweepCountsWhatAPosesAgeRounds) {
+  const TriangleTree below = plate_at(0), above = plate_at(20);
+  const auto ahead = [&](double age_s) {
+    return answer({.view = below.view(),
+                   .motion = {.angular_velocity_radps = {0, 0, 1e-3}},
+                   .name = "below",
+                   .age_s = age_s},
+                  {.view = above.view(), .name = "above"}, {.sweep_s = 1e-3})
+        .value()
+        .swept->value()
+        .status;
+  };
+  EXPECT_EQ(ahead(1e-3), AnswerStatus::kFree);
+  EXPECT_EQ(ahead(1e9), AnswerStatus::kUncertain);
+}
+
 TEST(Answer, IsWhatItsPartsAreWhenAskedAlone) {
   const BakedModel model_a = test::bake_named("sphere"), model_b = test::bake_named("aircraft");
   Random random(7);

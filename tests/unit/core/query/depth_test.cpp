@@ -127,6 +127,31 @@ class FullScene {
   Contacts contacts_;
 };
 
+// Of two small faces above a plate one touches it until step 36, the other from 32 to 56. At 9e8 m doubles are 64 steps apart: moved by 37
+// steps there, B is where step 64 would have it.
+TEST(Depth, HoldsWhereDoublesAreCoarserThanTheLattice) {
+  const Grid grid{.exponent = -27, .bits = 21};
+  const std::int32_t plate = 1 << 20;
+  const auto upright = [&](std::int32_t x, std::int32_t from, std::int32_t to) {
+    return std::array<GridPoint, 3>{
+        {{{x, x, plate + from}}, {{x + 9, x, plate + from}}, {{x, x, plate + to}}}};
+  };
+  const TriangleTree a = build_triangle_tree(
+      grid, {{{{{{0, 0, plate}}, {{1 << 20, 0, plate}}, {{0, 1 << 20, plate}}}}, {{}, 0}}});
+  const TriangleTree b =
+      build_triangle_tree(grid, {{upright(100, -9, 1), {{}, 0}}, {upright(200, -14, -8), {{}, 1}}});
+  for (const double far_m : {0.0, 9e8}) {
+    const Pose pose{.translation_m = {0, 0, far_m}};
+    const PosedPair posed = pose_pair(grid, pose, "a", grid, pose, "b").value();
+    const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+    const Depth depth = find_depth(a.view(), pose, "a", b.view(), pose, "b", answer, {},
+                                   {.directions = {{0, 0, 1}}})
+                            .value();
+    EXPECT_LE(std::ldexp(depth.at_least_m, 29), 56) << far_m;
+    EXPECT_EQ(std::ldexp(depth.at_most_m, 29), far_m > 0 ? 64 : 57);
+  }
+}
+
 TEST(Depth, OfABallInAPlaneIsHowFarItHasSunk) {
   const FullScene full(test::sphere_in_plane());
   const Depth depth = full.depth({}).value();

@@ -129,6 +129,34 @@ TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
   EXPECT_GT(counts.left, counts.kept);
 }
 
+// What other movers say is a rotation but for 1e-5: here all is larger by half of that.
+TEST(StillFree, BracketsTheDistanceWhereAPoseStretches) {
+  const BakedModel sphere = test::bake_named("sphere");
+  const HeldPair pair(sphere, sphere);
+  Pose then_a, then_b{.translation_m = {5, 0, 0}};
+  for (const std::size_t i : {0U, 4U, 8U}) then_a.rotation[i] = then_b.rotation[i] = 1 + 4.9e-6;
+  const Answer base = pair.truth(then_a, then_b);
+  ASSERT_EQ(base.status, AnswerStatus::kFree);
+  const KeptFree kept{base.clearance_m,
+                      base.clearance_share,
+                      base.distance_at_most_m,
+                      base.nearest_a_m,
+                      base.nearest_b_m,
+                      then_a,
+                      then_b};
+  const Motion now_a{.pose = then_a}, now_b{.pose = {then_b.rotation, {5.001, 0, 0}}};
+  const BodyReach reach_a = reach_of(pair.all_a.view(), now_a),
+                  reach_b = reach_of(pair.all_b.view(), now_b);
+  const ClearanceLeft left =
+      clearance_left({reach_a, then_a, now_a.pose}, {reach_b, then_b, now_b.pose},
+                     lattice_exponent(pair.a.grid, pair.b.grid), base.clearance_m);
+  const auto still =
+      still_free({pair.all_a.view(), now_a, "a"}, {pair.all_b.view(), now_b, "b"}, kept, left, {});
+  ASSERT_TRUE(still);
+  // The balls of radius 1 have corners that face each other.
+  EXPECT_GE(still->answer.distance_at_most_m, 5.001 - 2 * (1 + 4.9e-6) - 1e-6);
+}
+
 TEST(StillFree, AsksWhereMoreIsWanted) {
   const BakedModel sphere = test::bake_named("sphere");
   HeldPair pair(sphere, sphere);

@@ -113,6 +113,26 @@ TEST_F(Links, NoFrameMixesInstantsWhateverIsLostOrLate) {
   EXPECT_GT(last, 580U);
 }
 
+// A host may set its robot right within a frame: two updates of one time.
+TEST_F(Links, NoFrameMixesTwoUpdatesOfOneTimeWhateverIsLost) {
+  const std::vector<BodyId> links = add_links(20);
+  ASSERT_TRUE(mover_->link_bodies(links).is_ok());
+  world_.bus.on_poses = {.lose = 0.02};
+  std::set<std::uint64_t> seen;
+  for (std::uint64_t frame = 0; frame < 300; ++frame) {
+    for (const std::uint64_t update : {2 * frame, 2 * frame + 1})
+      world_.round(*mover_, frame, all_at(links, update));
+    world_.round(*looker_, frame);
+    const auto found = instants();
+    if (found.empty()) continue;
+    ASSERT_EQ(found.size(), links.size()) << "frame " << frame;
+    for (const auto& [name, update] : found)
+      ASSERT_EQ(update, found.begin()->second) << name << ", frame " << frame;
+    seen.insert(found.begin()->second);
+  }
+  EXPECT_GT(seen.size(), 150U);
+}
+
 TEST_F(Links, ATimeThatGoesBackIsTaken) {
   const std::vector<BodyId> links = add_links(9);
   ASSERT_TRUE(mover_->link_bodies(links).is_ok());
@@ -334,25 +354,30 @@ class Scripted final : public subscriber::Channel {
   Inbox& next_;
 };
 
-/// One that looks at the two links of a robot, whatever else is there.
+/// One that looks at the two links of a robot, each in a part of its own, whatever else is there.
 struct LookerAtARobot {
+  static constexpr std::uint32_t kFirstLink = wire::kBodiesPerPart - 1;
+
   LookerAtARobot() {
     for (const char* name : {"arm/0", "arm/1"})
       links.push_back(session.add_body({.name = name, .model = "aircraft"}).value());
   }
   /// At an instant, the numbers of whose samples these are.
   void say(double instant_s, std::uint32_t sequence, std::uint32_t next) {
-    for (const std::uint32_t number : {0U, 1U}) {
-      wire::BodyPose pose{.peer = kRobotMover,
-                          .body = "arm/" + std::to_string(number),
-                          .time_s = instant_s,
-                          .number = number,
-                          .sequence = number == 0 ? sequence : next,
-                          .links = 2,
-                          .first_link = 0};
-      pose.pose.translation_m = {instant_s, 0, 0};
-      inbox.poses.push_back(pose);
-    }
+    say_link(0, instant_s, sequence, instant_s);
+    say_link(1, instant_s, next, instant_s);
+  }
+  /// Of one link alone; the place can be read from it.
+  void say_link(std::uint32_t link, double instant_s, std::uint32_t sequence, double place_m) {
+    wire::BodyPose pose{.peer = kRobotMover,
+                        .body = "arm/" + std::to_string(link),
+                        .time_s = instant_s,
+                        .number = kFirstLink + link,
+                        .sequence = sequence,
+                        .links = 2,
+                        .first_link = kFirstLink};
+    pose.pose.translation_m = {place_m, 0, 0};
+    inbox.poses.push_back(pose);
   }
   void update() {
     ASSERT_TRUE(session.update(frame, static_cast<double>(frame), {}, 1).is_ok());
@@ -383,6 +408,20 @@ TEST(LinksOfWeeks, NumbersOfSamplesBeginAnewWhereTheyEnd) {
   looker.say(0.5, kHighest - 5, kHighest - 4);  // late
   looker.update();
   EXPECT_EQ(looker.seen_s(0), instant_s);
+}
+
+// Of each update one part was lost: what is left of both is no robot. Also where the numbers begin anew between a robot's parts.
+TEST(LinksOfWeeks, TwoUpdatesOfOneTimeAreNotMixed) {
+  for (const std::uint32_t first : {1U, 0xfffffffdU}) {
+    LookerAtARobot looker;
+    looker.say_link(0, 1, first, 10);               // first + 1 was lost
+    looker.say_link(1, 1, first == 1 ? 4 : 1, 20);  // and first + 2
+    looker.update();
+    for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), -1) << first;
+    looker.say_link(0, 1, first + 2, 20);
+    looker.update();
+    for (const std::size_t link : {0U, 1U}) EXPECT_EQ(looker.seen_s(link), 20) << first;
+  }
 }
 
 // In a replay that loops numbers and times go back together.

@@ -12,6 +12,7 @@
 #include "core/world/pages.hpp"
 #include "core/world/world_folder.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "subscriber/recorded/pose_tape.hpp"
 #include "subscriber/recorded/verify.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/kept_channel.hpp"
@@ -551,6 +552,21 @@ TEST_F(ProveRobots, WhatThePeerHeardInPartIsNeverWrong) {
   EXPECT_EQ(proof.wrong, 0U) << reasons_of(proof);
   EXPECT_GT(proof.unprovable, 0U);
   EXPECT_GT(proof.proved, proof.reports / 2) << reasons_of(proof);
+}
+
+// Two updates of one time, of both parts; who had heard three of the four samples rested on the first update.
+TEST(LinksOfRecordings, OfTwoUpdatesOfOneTimeAreNotMixed) {
+  subscriber::PoseSamples samples(1);
+  for (std::uint32_t sequence = 1; sequence <= 4; ++sequence) {
+    wire::BodyPoses poses{.part = (sequence - 1) % 2, .sequence = sequence};
+    for (std::uint32_t i = 0; i < wire::kBodiesPerPart; ++i)
+      poses.bodies.push_back({.number = poses.part * wire::kBodiesPerPart + i, .time_s = 1});
+    samples.take(std::move(poses), 0);
+  }
+  const auto links = samples.find_links(0, 2 * wire::kBodiesPerPart, 3);
+  EXPECT_EQ(links.size(), 2 * wire::kBodiesPerPart);
+  for (const auto& [number, found] : links)
+    EXPECT_TRUE(found.is_of(1 + number / wire::kBodiesPerPart)) << number;
 }
 
 // The last whole instant is looked for once, not for each link again: of the most that a robot may have that took 256 times as long.

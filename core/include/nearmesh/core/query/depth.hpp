@@ -38,13 +38,14 @@ struct DepthOptions {
 struct Depth {
   /// Unit vector, world frame: of the ways tried the one that has B free soonest (with the least at_most_m; of equals the first).
   std::array<double, 3> direction{};
-  /// The depth along `direction` is at least so much, metres: B, moved as a whole along a path that keeps within a cell of the pair's lattice
-  /// (geometry/pose.hpp) of that line, touches A until here. 0: nothing is proved.
+  /// The depth along `direction` is at least so much, metres: B, moved as a whole along a path that keeps within a step of that line, touches A
+  /// until here. A step is a cell of the pair's lattice (geometry/pose.hpp), or, where it is more, what the doubles of B's translation tell
+  /// apart: 2^-23 m at 10^9 m. 0: nothing is proved.
   double at_least_m = 0;
   /// And at most so much. Infinite where no free place was found.
   double at_most_m = std::numeric_limits<double>::infinity();
   /// Where at_most_m is finite: with this added to the translation of B's pose, coordinate by coordinate in doubles, query() certifies
-  /// that the full meshes are free of each other. As long as at_most_m, to a lattice cell. Metres, world frame.
+  /// that the full meshes are free of each other. As long as at_most_m, to a step. Metres, world frame.
   std::array<double, 3> separation_m{};
   std::vector<NodeSpan> missing_a, missing_b;  ///< ascending; what would narrow the bracket
   bool exhausted = false;                      ///< max_tests were spent, or is_over said so

@@ -130,6 +130,16 @@ struct BodyPoses {
   std::vector<Body> bodies;  ///< of the part, by number
 };
 
+/// Which update of its mover a link's pose is of: the number of the sample that has the robot's first link in that update, by that of
+/// the sample with this one. An update sends the parts of a robot one right after the other, so this is the same for all links of one update,
+/// and another for each of two updates of one time. Precondition: the sample's number is not 0.
+[[nodiscard]] constexpr std::uint32_t first_sample_of_robot(std::uint32_t sequence,
+                                                            std::uint32_t number,
+                                                            std::uint32_t first_link) {
+  const std::uint32_t before = number / kBodiesPerPart - first_link / kBodiesPerPart;
+  return sequence - before - (sequence <= before ? 1 : 0);  // 0 is no number
+}
+
 /// Poses that go only to the peers that asked for them (WantedPoses), and to recorders: of bodies of which promises are made. On a topic of
 /// its own, with sequences of its own.
 struct NearPoses : BodyPoses {};
@@ -196,7 +206,7 @@ struct BodyDirectory {
     /// Of its origin, which the peer keeps it to: then promises are told of it, and full poses to those alone who want them. 0: not so.
     double max_speed_mps = 0;
     /// It is a link of a robot: the bodies of the numbers first_link to first_link + links - 1, in as many parts as that takes. Their
-    /// poses count only together, those of one time. 1: it is none.
+    /// poses count only together, those of one time and one update (first_sample_of_robot). 1: it is none.
     std::uint32_t links = 1, first_link = 0;
     bool operator==(const Body&) const = default;
   };
