@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "body_book.hpp"
 
-#include <algorithm>
-
 namespace nearmesh::wire {
 
 namespace {
@@ -17,70 +15,32 @@ BodyBook::Owner BodyBook::owner_of(const Handle& writer) const {
   return owner;
 }
 
-/// Out: false where all are moved.
-bool BodyBook::drop_longest_released(Owned& owned) {
-  const auto longest = owned.released.begin();
-  if (longest == owned.released.end()) return false;
-  bodies_.erase(longest->second);
-  owned.released.erase(longest);
-  --owned.count;
-  return true;
-}
-
-/// Null where nobody has one.
-BodyBook::Owned* BodyBook::longest_released() {
-  Owned* longest = nullptr;
-  for (auto& [owner, owned] : owners_)
-    if (!owned.released.empty() &&
-        (longest == nullptr || owned.released.begin()->first < longest->released.begin()->first))
-      longest = &owned;
-  return longest;
-}
-
 BodyBook::Claim BodyBook::claim(const std::string& body, const Handle& writer) {
   const Owner owner = owner_of(writer);
-  if (const auto known = bodies_.find(body); known != bodies_.end()) {
-    if (known->second.owner != owner) return Claim::kOthers;
-    if (known->second.released != 0) owners_[owner].released.erase(known->second.released);
-    known->second.released = 0;
-    return Claim::kOwn;
-  }
-  if (const auto has = owners_.find(owner);
-      has != owners_.end() && has->second.count >= kMaxOfOne && !drop_longest_released(has->second))
+  if (const Owner* const known = bodies_.group_of(body)) {
+    if (*known != owner) return Claim::kOthers;
+  } else if (bodies_.put(body, {}, owner) == nullptr) {
     return Claim::kFull;
-  if (bodies_.size() >= kMaxOfAll) {
-    Owned* const longest = longest_released();
-    if (longest == nullptr || !drop_longest_released(*longest)) return Claim::kFull;
   }
-  ++owners_[owner].count;
-  bodies_.emplace(body, Kept{owner});
+  bodies_.pin(body);
   return Claim::kOwn;
 }
 
 void BodyBook::release(const std::string& body, const Handle& writer) {
-  const auto known = bodies_.find(body);
-  if (known == bodies_.end() || known->second.owner != owner_of(writer)) return;
-  Owned& owned = owners_[known->second.owner];
-  if (!authenticated_) {
-    --owned.count;
-    bodies_.erase(known);
-  } else if (known->second.released == 0) {
-    owned.released.emplace(++releases_, body);
-    known->second.released = releases_;
-  }
+  const Owner* const known = bodies_.group_of(body);
+  if (known == nullptr || *known != owner_of(writer)) return;
+  if (authenticated_)
+    bodies_.unpin(body);
+  else
+    bodies_.erase(body);
 }
 
 void BodyBook::forget(const Handle& writer) {
-  if (authenticated_) return;
-  const Owner owner = owner_of(writer);
-  if (owners_.erase(owner) == 0) return;
-  std::erase_if(bodies_, [&](const auto& known) { return known.second.owner == owner; });
+  if (!authenticated_) bodies_.erase_group(owner_of(writer));
 }
 
 void BodyBook::clear() {
-  if (authenticated_) return;
-  bodies_.clear();
-  owners_.clear();
+  if (!authenticated_) bodies_.clear();
 }
 
 }  // namespace nearmesh::wire

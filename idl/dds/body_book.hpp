@@ -8,9 +8,10 @@
 
 #include <array>
 #include <cstdint>
-#include <map>
 #include <string>
+#include <variant>
 
+#include "core/base/lru_map.hpp"
 #include "fastdds_api.hpp"
 
 namespace nearmesh::wire {
@@ -23,7 +24,7 @@ class BodyBook {
     kOthers,  ///< another's
     kFull,    ///< this owner, or all together, move as many as are kept
   };
-  /// Bodies kept of one owner, and of all: some 8 MB.
+  /// Bodies kept of one owner, and of all: some 12 MB.
   static constexpr std::size_t kMaxOfOne = 1024, kMaxOfAll = 65536;
 
   explicit BodyBook(bool authenticated) : authenticated_(authenticated) {}
@@ -32,29 +33,17 @@ class BodyBook {
   /// The writer moves the body no more. On a secured bus the name stays its owner's until room is needed, for the owner's own bodies or, where
   /// all is full, for anybody's: then who was released longest ago is forgotten.
   void release(const std::string& body, const Handle& writer);
-  /// The writer is gone: on a secured bus release() its bodies instead. Cost: O(bodies).
+  /// The writer is gone: on a secured bus release() its bodies instead.
   void forget(const Handle& writer);
   /// As forget(), of all writers.
   void clear();
 
  private:
   using Owner = std::array<std::uint8_t, 16>;
-  struct Kept {
-    Owner owner{};
-    std::uint64_t released = 0;  ///< the turn; 0: it is moved
-  };
-  struct Owned {
-    std::size_t count = 0;
-    std::map<std::uint64_t, std::string> released;  ///< those of them, by turn
-  };
   [[nodiscard]] Owner owner_of(const Handle& writer) const;
-  [[nodiscard]] bool drop_longest_released(Owned& owned);
-  [[nodiscard]] Owned* longest_released();
 
-  bool authenticated_;
-  std::map<std::string, Kept> bodies_;
-  std::map<Owner, Owned> owners_;
-  std::uint64_t releases_ = 0;
+  const bool authenticated_;
+  LruMap<std::string, std::monostate, Owner> bodies_{kMaxOfOne, kMaxOfAll};  ///< pinned: moved
 };
 
 }  // namespace nearmesh::wire

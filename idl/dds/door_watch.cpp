@@ -222,11 +222,11 @@ void DoorWatch::say(std::string line) {
 }
 
 /// Remembered when it is said: what was not, for want of memory or since nobody listens yet, is said the next time.
-void DoorWatch::say_once(std::set<std::string>& said, const std::string& what, std::string line) {
+void DoorWatch::say_once(Said& said, const std::string& what, std::string line) {
   const std::lock_guard lock(complain_mutex_);
-  if (mailbox_ == nullptr || said.size() >= kMaxCertificates || said.contains(what)) return;
+  if (mailbox_ == nullptr || said.use(what) != nullptr) return;
   mailbox_->complain(std::move(line));
-  said.insert(what);
+  said.put(what, {});
 }
 
 void DoorWatch::say_what_was_refused() {

@@ -11,12 +11,13 @@
 #include <mutex>
 #include <new>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 #include <unordered_map>
+#include <variant>
 #include <vector>
 
+#include "core/base/lru_map.hpp"
 #include "discovery_pace.hpp"
 #include "idl/security/identity_book.hpp"
 #include "mailbox.hpp"
@@ -103,13 +104,16 @@ class DoorWatch {
 
  private:
   static constexpr std::size_t kMaxCertificates = 16384;
+  /// What was said already; who tries on is remembered.
+  using Said = LruMap<std::string, std::monostate>;
+  static constexpr std::size_t kMaxSaid = 16384;
   void run();
   void tick(double passed_s);
   void tell_ends();
   void note_for_pace(const RtpsVerdict& message, bool was_known);
   void say_what_was_refused();
   void say(std::string line);
-  void say_once(std::set<std::string>& said, const std::string& what, std::string line);
+  void say_once(Said& said, const std::string& what, std::string line);
   [[nodiscard]] std::optional<DoorRefusal> judge_handshake(const RtpsVerdict& message);
   [[nodiscard]] bool has_room_for_certificate();
   void judge_release(const RtpsVerdict& message);
@@ -135,8 +139,7 @@ class DoorWatch {
   std::vector<LeaseEnd*> ends_;
   std::mutex complain_mutex_;
   Mailbox* mailbox_ = nullptr;
-  std::set<std::string> refused_serials_;
-  std::set<std::string> of_other_releases_;
+  Said refused_serials_{kMaxSaid}, of_other_releases_{kMaxSaid};
   std::array<std::uint64_t, kDoorRefusals> said_{};
   std::condition_variable condition_;
   bool ending_ = false;

@@ -68,10 +68,15 @@ bool ParticipantBook::repeats(const RtpsVerdict& message) {
   return false;
 }
 
+/// Where the message tells of an endpoint, what was counted of it before was another's: of an earlier message, and of this one too, for a
+/// heartbeat in it may come before the word of who it is of, and is to nobody then.
 void ParticipantBook::hold_back(RtpsVerdict& message) {
   const auto at = known_.find(message.source);
   Known* const known = at != known_.end() ? &at->second : nullptr;
-  if (known != nullptr && message.tells_of_endpoints) known->begun.clear();
+  const auto begin_anew = [&] {
+    if (known != nullptr && message.tells_of_endpoints) known->begun.clear();
+  };
+  begin_anew();
   for (const RtpsBeginning& one : message.far_beginnings) {
     std::int64_t handed_on = kFarBeginning;
     if (known != nullptr &&
@@ -85,8 +90,7 @@ void ParticipantBook::hold_back(RtpsVerdict& message) {
     }
     if (handed_on < one.first) message.change_sequence(one.first_at, handed_on, one.little_endian);
   }
-  // What was counted before an endpoint was told of was another's.
-  if (known != nullptr && message.tells_of_endpoints) known->begun.clear();
+  begin_anew();
 }
 
 bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const {

@@ -19,6 +19,19 @@ constexpr std::chrono::milliseconds kRecorderGrace{100};
 
 }  // namespace
 
+void FoundReaders::add(const wire::BusOptions::Found& reader) {
+  const std::lock_guard lock(mutex_);
+  has_lost_ |= found_.size() >= kMost;
+  if (!has_lost_) found_.push_back(reader);
+}
+
+std::optional<std::vector<wire::BusOptions::Found>> FoundReaders::take() {
+  const std::lock_guard lock(mutex_);
+  std::vector<wire::BusOptions::Found> found = std::exchange(found_, {});
+  if (std::exchange(has_lost_, false)) return std::nullopt;
+  return found;
+}
+
 Status DdsPeers::open(wire::Bus& bus) {
   bus_ = &bus;
   return reader_.open(bus);
@@ -28,10 +41,7 @@ void DdsPeers::forget() {
   for (const SessionId peer : book_.clear()) lost_.push_back(peer);
   peers_.clear();
   prepared_.clear();
-  {
-    const std::lock_guard lock(mutex_);
-    found_.clear();
-  }
+  (void)found_.take();
   (void)reader_.take_matches();
 }
 
@@ -46,21 +56,19 @@ bool DdsPeers::is_own(const Handle& writer) const {
 
 void DdsPeers::found(const wire::BusOptions::Found& reader) {
   if (wire::peer_of(reader.partition) == 0) return;
-  {
-    const std::lock_guard lock(mutex_);
-    if (found_.size() >= kMaxTaken) return;
-    found_.push_back(reader);
-  }
+  found_.add(reader);
   mailbox_.wake();
 }
 
 void DdsPeers::prepare() {
-  std::vector<wire::BusOptions::Found> found;
-  {
-    const std::lock_guard lock(mutex_);
-    found = std::exchange(found_, {});
+  const auto found = found_.take();
+  if (!found) {
+    // Whose reader has gone would take the place of another for good. Who is there gets its writer when it asks.
+    for (auto& [peer, prepared] : std::exchange(prepared_, {}))
+      bus_->remove_writer(&prepared.peer.writer->endpoint());
+    return;
   }
-  for (const wire::BusOptions::Found& one : found) {
+  for (const wire::BusOptions::Found& one : *found) {
     if (one.topic != bus_->names().of<wire::SplitBatchMessage>()) continue;
     const SessionId peer = wire::peer_of(one.partition);
     const auto known = prepared_.find(peer);

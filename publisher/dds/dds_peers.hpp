@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,20 @@
 #include "publisher/serve/channel.hpp"
 
 namespace nearmesh::publisher {
+
+/// What discovery told of readers, until it is looked at. Threads: all.
+class FoundReaders {
+ public:
+  static constexpr std::size_t kMost = 1024;
+  void add(const wire::BusOptions::Found& reader);
+  /// In order. None where there were too many since the last call: then any reader may have gone, and any may have come.
+  [[nodiscard]] std::optional<std::vector<wire::BusOptions::Found>> take();
+
+ private:
+  std::mutex mutex_;
+  std::vector<wire::BusOptions::Found> found_;
+  bool has_lost_ = false;
+};
 
 /// Threads: one. The mailbox must outlive it, and the bus be closed before it goes.
 class DdsPeers {
@@ -80,8 +95,7 @@ class DdsPeers {
   wire::Reader<wire::RegionSubscription> reader_;
   std::map<wire::SessionId, Peer> peers_;
   std::map<wire::SessionId, Prepared> prepared_;  ///< none of these is among the peers
-  std::mutex mutex_;
-  std::vector<wire::BusOptions::Found> found_;  ///< since the last take()
+  FoundReaders found_;
   wire::SessionBook book_;
   std::vector<wire::SessionId> lost_;  ///< with a bus
   bool complained_of_limit_ = false;

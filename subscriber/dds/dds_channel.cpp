@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
+#include "core/base/lru_map.hpp"
 #include "dds_headers.hpp"
 #include "dds_hellos.hpp"
 #include "dds_poses.hpp"
@@ -24,7 +25,6 @@
 #include "idl/dds/rejoin_watch.hpp"
 #include "idl/dds/room.hpp"
 #include "idl/dds/routes.hpp"
-#include "pose_tally.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -64,7 +64,8 @@ class DdsChannel::Impl {
   }
   std::map<SessionId, PoseCounts> pose_counts() const {
     const std::lock_guard lock(mutex_);
-    std::map<SessionId, PoseCounts> counts = tally_.counts();
+    std::map<SessionId, PoseCounts> counts;
+    tally_.for_each([&](SessionId peer, const PoseCounts& heard) { counts.emplace(peer, heard); });
     for (const auto& [peer, samples] : routes_.sent()) counts[peer].sent_near = samples;
     return counts;
   }
@@ -130,7 +131,8 @@ class DdsChannel::Impl {
   template <class Use>
   void note(SessionId peer, const Use& use) {
     const std::lock_guard lock(mutex_);
-    use(tally_.of(peer));
+    PoseCounts* const known = tally_.use(peer);
+    use(known != nullptr ? *known : *tally_.put(peer, {}));
   }
   void tell_lost(SessionId publisher);
   Status rejoin();
@@ -185,7 +187,7 @@ class DdsChannel::Impl {
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
-  PoseTally tally_{kMaxWaitingOthers};
+  LruMap<SessionId, PoseCounts> tally_{kMaxWaitingOthers};  ///< what was heard of those heard last
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()

@@ -125,7 +125,7 @@ void DdsPoses::name(HeardPromises&& heard) {
     }
   }
   unnamed_promises_.erase(key);
-  if (!all) unnamed_promises_.put(key, std::move(heard));
+  if (!all) unnamed_promises_.put(key, std::move(heard), std::get<0>(key));
 }
 
 void DdsPoses::accept(NamedPromise&& heard) {
@@ -155,8 +155,8 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
     const auto participant = std::get<0>(key_of(writer, 0, 0));
-    unnamed_.forget(participant);
-    unnamed_promises_.forget(participant);
+    unnamed_.erase_group(participant);
+    unnamed_promises_.erase_group(participant);
   }
   const auto is_lost = [&](const auto& said) { return lost.contains(said.body); };
   std::erase_if(accepted, is_lost);
@@ -212,7 +212,7 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
            accepted);
   }
   unnamed_.erase(key);
-  if (!all) unnamed_.put(key, std::move(heard));
+  if (!all) unnamed_.put(key, std::move(heard), std::get<0>(key));
 }
 
 bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionId peer,

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/lru_map.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/body_book.hpp"
 #include "idl/dds/dds_support.hpp"
@@ -27,78 +28,6 @@ namespace nearmesh::subscriber {
 
 /// A part of a peer's bodies, as one participant tells of it.
 using PartKey = std::tuple<std::array<std::uint8_t, 12>, wire::SessionId, std::uint32_t>;
-
-/// What was said last of parts whose directory has not come. Of parts that are gone none comes any more, and in weeks there are many: where there are
-/// too many of one participant or of all, those that wait for longest make room. Threads: one.
-template <class Heard>
-class UnnamedParts {
- public:
-  /// As many as directories may name (DdsPoses).
-  UnnamedParts(std::size_t most_of_one, std::size_t most)
-      : most_of_one_(most_of_one), most_(most) {}
-
-  /// In the place of what waits of that part.
-  void put(const PartKey& key, Heard&& heard) {
-    erase(key);
-    Turns& own = turns_[std::get<0>(key)];
-    if (own.size() >= most_of_one_) {
-      drop_first(own);
-    } else if (waiting_.size() >= most_) {
-      drop_longest();
-    }
-    // Dropping may have left a participant with nothing.
-    turns_[std::get<0>(key)].emplace(++puts_, key);
-    waiting_.emplace(key, Waiting{std::move(heard), puts_});
-  }
-  void erase(const PartKey& key) { static_cast<void>(extract(key)); }
-  [[nodiscard]] std::optional<Heard> extract(const PartKey& key) {
-    const auto at = waiting_.find(key);
-    if (at == waiting_.end()) return std::nullopt;
-    std::optional<Heard> heard = std::move(at->second.heard);
-    const auto own = turns_.find(std::get<0>(key));
-    own->second.erase(at->second.turn);
-    if (own->second.empty()) turns_.erase(own);
-    waiting_.erase(at);
-    return heard;
-  }
-  /// Whatever waits of that participant.
-  void forget(const std::array<std::uint8_t, 12>& participant) {
-    const auto own = turns_.find(participant);
-    if (own == turns_.end()) return;
-    for (const auto& [turn, key] : own->second) waiting_.erase(key);
-    turns_.erase(own);
-  }
-  void clear() {
-    waiting_.clear();
-    turns_.clear();
-  }
-  [[nodiscard]] std::size_t size() const { return waiting_.size(); }
-
- private:
-  using Turns = std::map<std::uint64_t, PartKey>;
-  struct Waiting {
-    Heard heard;
-    std::uint64_t turn = 0;
-  };
-  void drop_first(Turns& own) {
-    waiting_.erase(own.begin()->second);
-    own.erase(own.begin());
-  }
-  void drop_longest() {
-    auto longest = turns_.end();
-    for (auto at = turns_.begin(); at != turns_.end(); ++at)
-      if (!at->second.empty() &&
-          (longest == turns_.end() || at->second.begin()->first < longest->second.begin()->first))
-        longest = at;
-    drop_first(longest->second);
-    if (longest->second.empty()) turns_.erase(longest);
-  }
-
-  const std::size_t most_of_one_, most_;
-  std::map<PartKey, Waiting> waiting_;
-  std::map<std::array<std::uint8_t, 12>, Turns> turns_;  ///< by participant
-  std::uint64_t puts_ = 0;
-};
 
 /// Threads: one. The mailbox must outlive it.
 class DdsPoses {
@@ -180,6 +109,10 @@ class DdsPoses {
     wire::Handle writer;
     wire::BodyDirectory::Body body;
   };
+  /// What was said last of parts whose directory has not come. Of parts that are gone none comes any more, and in weeks there are many: those
+  /// that wait for longest make room.
+  template <class Message>
+  using UnnamedParts = LruMap<PartKey, Message, std::array<std::uint8_t, 12>>;  ///< by participant
   /// What is known of a body, and who tells it; nullptrs where nothing is.
   [[nodiscard]] std::pair<const wire::BodyDirectory::Body*, const Part*> find(
       const wire::Handle& writer, wire::SessionId peer, std::uint32_t number) const;
@@ -208,15 +141,13 @@ class DdsPoses {
       gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Named> contested_;  ///< of bodies that another owns, the latest
   std::map<std::string, NamedPromise> contested_promises_;
-  UnnamedParts<HeardPromises> unnamed_promises_{kMaxPartsOfOne,
-                                                kMaxParts};  ///< as unnamed_; the part is theirs
-  std::vector<wire::BodyPromise> promises_;                  ///< that count
+  UnnamedParts<HeardPromises> unnamed_promises_{kMaxPartsOfOne, kMaxParts};  ///< the part is theirs
+  std::vector<wire::BodyPromise> promises_;                                  ///< that count
   std::vector<std::pair<wire::SessionId, wire::Handle>> new_movers_;
   std::map<PartKey, Part> parts_;
   std::map<wire::Handle, std::size_t> part_counts_;  ///< by writer of directories
-  UnnamedParts<Heard> unnamed_{kMaxPartsOfOne,
-                               kMaxParts};  ///< poses of bodies that no directory names yet
-  std::vector<PartKey> told_parts_;         ///< whose directory came since poses were named
+  UnnamedParts<Heard> unnamed_{kMaxPartsOfOne, kMaxParts};
+  std::vector<PartKey> told_parts_;  ///< whose directory came since poses were named
   std::vector<wire::Handle> gone_tellers_;
   std::set<wire::Handle> over_full_;  ///< of whom that was said
   std::vector<Channel::Inbox::Told> told_;

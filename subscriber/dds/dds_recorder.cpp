@@ -147,7 +147,7 @@ class DdsRecorder::Impl {
 
   // The DDS thread's own.
   WriterBook<Sequence> sequences_{kMaxGoneWriters};
-  ToldNames told_names_{kMaxNames};
+  LruMap<wire::SessionId, std::string> told_names_{kMaxNames};
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
   bool has_publisher_ = false;
@@ -402,7 +402,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
 bool DdsRecorder::Impl::is_new_name(const Entry& entry) {
   const auto status = wire::decode_payload<wire::ProcessStatus>(entry.message.cdr);
   if (!status.is_ok()) return false;
-  return told_names_.is_new(status.value().session, status.value().name);
+  return tells_name(told_names_, status.value().session, status.value().name);
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps.

@@ -4,11 +4,11 @@
 // missed for longest. For the rooms named dds alone.
 
 #include <cstddef>
-#include <cstdint>
 #include <map>
 #include <string>
-#include <vector>
+#include <utility>
 
+#include "core/base/lru_map.hpp"
 #include "idl/dds/fastdds_api.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -19,78 +19,44 @@ template <class Known>
 class WriterBook {
  public:
   /// A writer that is gone may be found again, as it was; and samples of it may be taken after it went.
-  explicit WriterBook(std::size_t most_gone) : most_gone_(most_gone) {}
+  explicit WriterBook(std::size_t most_gone) : gone_(most_gone) {}
 
   /// Made where nothing is known.
-  [[nodiscard]] Known& of(const wire::Handle& writer) { return known_[writer]; }
+  [[nodiscard]] Known& of(const wire::Handle& writer) {
+    Known* const known = gone_.use(writer);
+    return known != nullptr ? *known : there_[writer];
+  }
   [[nodiscard]] const Known* find(const wire::Handle& writer) const {
-    const auto at = known_.find(writer);
-    return at == known_.end() ? nullptr : &at->second;
+    const auto at = there_.find(writer);
+    return at == there_.end() ? gone_.find(writer) : &at->second;
   }
   void come(const wire::Handle& writer) {
-    const auto turn = gone_in_.find(writer);
-    if (turn == gone_in_.end()) return;
-    gone_.erase(turn->second);
-    gone_in_.erase(turn);
+    if (auto known = gone_.extract(writer)) there_.emplace(writer, std::move(*known));
   }
   void leave(const wire::Handle& writer) {
-    come(writer);  // where it went before
-    gone_.emplace(++turns_, writer);
-    gone_in_.emplace(writer, turns_);
-    if (gone_.size() <= most_gone_) return;
-    const auto longest = gone_.begin();
-    known_.erase(longest->second);
-    gone_in_.erase(longest->second);
-    gone_.erase(longest);
+    Known& known = of(writer);
+    gone_.put(writer, Known(std::move(known)));
+    there_.erase(writer);
   }
   /// With the bus.
   void all_leave() {
-    std::vector<wire::Handle> there;
-    for (const auto& [writer, known] : known_)
-      if (!gone_in_.contains(writer)) there.push_back(writer);
-    for (const wire::Handle& writer : there) leave(writer);
+    while (!there_.empty()) leave(wire::Handle(there_.begin()->first));
   }
-  [[nodiscard]] std::size_t size() const { return known_.size(); }
+  [[nodiscard]] std::size_t size() const { return there_.size() + gone_.size(); }
 
  private:
-  const std::size_t most_gone_;
-  std::map<wire::Handle, Known> known_;
-  std::map<std::uint64_t, wire::Handle> gone_;     ///< by turn
-  std::map<wire::Handle, std::uint64_t> gone_in_;  ///< in which turn
-  std::uint64_t turns_ = 0;
+  std::map<wire::Handle, Known> there_;
+  LruMap<wire::Handle, Known> gone_;
 };
 
-/// Which names of sessions are in the recording. Threads: one at a time.
-class ToldNames {
- public:
-  explicit ToldNames(std::size_t most) : most_(most) {}
-
-  /// A session says its name. Out: it is not in the recording, and will be. Where there are too many, the one that was silent for longest makes room:
-  /// should it speak again, its name is recorded once more.
-  [[nodiscard]] bool is_new(wire::SessionId session, const std::string& name) {
-    const auto [at, is_unknown] = told_.try_emplace(session);
-    Told& told = at->second;
-    if (!is_unknown) heard_.erase(told.turn);
-    told.turn = ++turns_;
-    heard_.emplace(told.turn, session);
-    const bool is_news = is_unknown || told.name != name;
-    told.name = name;
-    if (told_.size() > most_) {
-      told_.erase(heard_.begin()->second);
-      heard_.erase(heard_.begin());
-    }
-    return is_news;
-  }
-
- private:
-  struct Told {
-    std::string name;
-    std::uint64_t turn = 0;  ///< in which it was heard last
-  };
-  const std::size_t most_;
-  std::map<wire::SessionId, Told> told_;
-  std::map<std::uint64_t, wire::SessionId> heard_;  ///< by turn
-  std::uint64_t turns_ = 0;
-};
+/// A session says its name. Out: it is not among those in the recording, and will be. Where these are too many, the one that was silent for longest
+/// makes room: should it speak again, its name is recorded once more.
+[[nodiscard]] inline bool tells_name(LruMap<wire::SessionId, std::string>& told,
+                                     wire::SessionId session, const std::string& name) {
+  if (const std::string* const known = told.use(session); known != nullptr && *known == name)
+    return false;
+  told.put(session, name);
+  return true;
+}
 
 }  // namespace nearmesh::subscriber

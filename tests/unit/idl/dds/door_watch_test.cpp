@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "idl/dds/door_watch.hpp"
@@ -15,21 +17,37 @@
 namespace nearmesh::wire {
 namespace {
 
-// A participant hears others before its mailbox is there: while it is being made.
-TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
-  const nearmesh::test::Folder folder;
-  SecurityPlan plan;
-  plan.prefix = "rig";
-  plan.identities = {{"one", Role::kSubscriber}};
-  ASSERT_TRUE(make_security(folder.file("set"), plan).is_ok());
-  const std::string at = folder.file("set/one/");
-  auto book = IdentityBook::open({at + "identity_ca.cert.pem", at + "cert.pem", ""});
-  ASSERT_TRUE(book.is_ok()) << book.status().message();
-  DoorWatch watch({.is_plain = true, .identity_period_s = 5}, std::move(book).value());
+class SecuredDoor : public testing::Test {
+ protected:
+  void SetUp() override {
+    SecurityPlan plan;
+    plan.prefix = "rig";
+    plan.identities = {{"one", Role::kSubscriber}};
+    ASSERT_TRUE(make_security(folder_.file("set"), plan).is_ok());
+    const std::string at = folder_.file("set/one/");
+    auto book = IdentityBook::open({at + "identity_ca.cert.pem", at + "cert.pem", ""});
+    ASSERT_TRUE(book.is_ok()) << book.status().message();
+    watch_.emplace(DoorRules{.is_plain = true, .identity_period_s = 5}, std::move(book).value());
+  }
+  /// Of a release that is none of ours.
+  static nearmesh::test::Rtps announcement_of(const std::string& name) {
+    nearmesh::test::Rtps m(nearmesh::test::key_of(1));
+    m.begin_announcement().lease(20).secured(name);
+    m.product(0x00020107).finish_announcement();
+    return m;
+  }
 
-  nearmesh::test::Rtps m(nearmesh::test::key_of(1));
-  m.begin_announcement().lease(20).secured("rig/other");
-  m.product(0x00020107).finish_announcement();  // of a release that is none of ours
+ private:
+  const nearmesh::test::Folder folder_;
+
+ protected:
+  std::optional<DoorWatch> watch_;
+};
+
+// A participant hears others before its mailbox is there: while it is being made.
+TEST_F(SecuredDoor, SaysAlsoWhatItHeardBeforeAnybodyListened) {
+  DoorWatch& watch = *watch_;
+  const nearmesh::test::Rtps m = announcement_of("rig/other");
   const auto hear = [&] { EXPECT_FALSE(watch.check(m.bytes, {true, 40'000}).refusal); };
 
   hear();
@@ -41,6 +59,26 @@ TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
   ASSERT_EQ(said.size(), 1U) << "once";
   EXPECT_NE(said[0].find("rig/other is secured by a Fast DDS 7"), std::string::npos) << said[0];
   watch.set_mailbox(nullptr);
+}
+
+// In weeks more come than names are remembered.
+TEST_F(SecuredDoor, SaysOfHowManyOtherReleasesEver) {
+  Mailbox mailbox(0);
+  watch_->set_mailbox(&mailbox);
+  std::size_t said = 0;
+  const auto hear = [&](int number) {
+    const auto m = announcement_of("rig/" + std::to_string(number));
+    static_cast<void>(watch_->check(m.bytes, {true, 40'000}));
+    for (const std::string& line : mailbox.take_complaints())
+      said += static_cast<std::size_t>(line.starts_with("rig/" + std::to_string(number) + " is "));
+  };
+  constexpr int kNames = 20'000;
+  for (int i = 0; i < kNames; ++i) {
+    hear(i);
+    hear(0);
+  }
+  EXPECT_EQ(said, std::size_t{kNames}) << "each once";
+  watch_->set_mailbox(nullptr);
 }
 
 // Else a reader would be told of the same part with each heartbeat.

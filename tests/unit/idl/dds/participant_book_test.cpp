@@ -280,6 +280,14 @@ TEST_F(ParticipantBookTest, HeartbeatsThatBeginFarAreHeldBack) {
   EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst), kFarBeginning + kBurst);
 }
 
+// What is told with an endpoint may have come before it, and then nobody counted.
+TEST_F(ParticipantBookTest, HeartbeatsThatCameWithTheirEndpointDoNotCountAsHandedOn) {
+  constexpr auto kBurst = static_cast<std::int64_t>(ParticipantBook::kLeapBurst);
+  ASSERT_TRUE(hears(announcement_of(1)));
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst, 0x103, true), kFarBeginning + kBurst);
+  EXPECT_EQ(begins(book, 1, kFarBeginning + kBurst), kFarBeginning);
+}
+
 TEST_F(ParticipantBookTest, OfCountlessWritersNoneBeginsFar) {
   ASSERT_TRUE(hears(announcement_of(1)));
   for (std::uint32_t i = 0; i < ParticipantBook::kMaxBegun; ++i)

@@ -57,27 +57,6 @@ wire::BodyDirectory directory_of(std::uint32_t number, double max_speed_mps = 0)
   return directory;
 }
 
-TEST(UnnamedParts, WhatWaitsForLongestMakesRoom) {
-  const auto key = [](std::uint8_t participant, std::uint32_t part) {
-    return PartKey{{participant}, 7, part};
-  };
-  UnnamedParts<int> parts(2, 3);
-  parts.put(key(1, 1), 11);
-  parts.put(key(1, 2), 12);
-  parts.put(key(1, 1), 21);  // said anew: the other waits for longer now
-  parts.put(key(1, 3), 13);
-  EXPECT_FALSE(parts.extract(key(1, 2)));
-  parts.put(key(2, 1), 31);
-  EXPECT_EQ(parts.size(), 3U);
-  parts.put(key(3, 1), 41);
-  EXPECT_EQ(parts.size(), 3U);
-  EXPECT_FALSE(parts.extract(key(1, 1)));
-  EXPECT_EQ(parts.extract(key(1, 3)), 13);
-  EXPECT_EQ(parts.extract(key(2, 1)), 31);
-  parts.forget({3});
-  EXPECT_EQ(parts.size(), 0U);
-}
-
 // What is said of bodies comes by other ways than who they are, and of those that are gone nobody tells any more.
 TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
   wire::Mailbox mailbox;

@@ -36,24 +36,25 @@ TEST(WriterBook, ForgetsThoseThatAreGoneForLongest) {
   book.of(writer(1002)) = 1002;
   for (int i = 0; i < 20; ++i) book.leave(writer(2000 + i));
   EXPECT_EQ(book.find(writer(1002)), nullptr);
-  EXPECT_EQ(book.size(), 2U);
+  EXPECT_EQ(book.size(), 2 + kMostGone);
   book.all_leave();
   EXPECT_EQ(*book.find(writer(0)), 7);
   for (int i = 0; i < 20; ++i) book.leave(writer(3000 + i));
-  EXPECT_EQ(book.size(), 0U);
+  EXPECT_EQ(book.size(), kMostGone);
+  for (const int gone : {0, 993}) EXPECT_EQ(book.find(writer(gone)), nullptr);
 }
 
-TEST(ToldNames, AreRecordedAfterMoreSessionsThanAreKept) {
-  ToldNames names(4);
-  EXPECT_TRUE(names.is_new(1, "stays"));
-  EXPECT_FALSE(names.is_new(1, "stays"));
-  EXPECT_TRUE(names.is_new(1, "renamed"));
+TEST(Recorder, TellsNamesAfterMoreSessionsThanAreKept) {
+  LruMap<wire::SessionId, std::string> told(4);
+  EXPECT_TRUE(tells_name(told, 1, "stays"));
+  EXPECT_FALSE(tells_name(told, 1, "stays"));
+  EXPECT_TRUE(tells_name(told, 1, "renamed"));
   for (wire::SessionId session = 2; session <= 100; ++session) {
-    EXPECT_TRUE(names.is_new(session, "comes and goes")) << session;
-    EXPECT_FALSE(names.is_new(session, "comes and goes"));
-    EXPECT_FALSE(names.is_new(1, "renamed"));
+    EXPECT_TRUE(tells_name(told, session, "comes and goes")) << session;
+    EXPECT_FALSE(tells_name(told, session, "comes and goes"));
+    EXPECT_FALSE(tells_name(told, 1, "renamed"));
   }
-  EXPECT_TRUE(names.is_new(2, "comes and goes")) << "again, since it was forgotten";
+  EXPECT_TRUE(tells_name(told, 2, "comes and goes")) << "again, since it was forgotten";
 }
 
 }  // namespace
