@@ -356,7 +356,9 @@ class Flight {
     for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
       const std::vector<Motion>& trajectory = scene_.bodies[i].trajectory;
       if (trajectory.empty()) continue;
-      all.push_back({id_of(i), trajectory[std::min<std::size_t>(frame, trajectory.size() - 1)]});
+      // Who stays where its trajectory ends has no velocity any more: others would wait for what it never reaches.
+      all.push_back({id_of(i), frame < trajectory.size() ? trajectory[frame]
+                                                         : Motion{.pose = trajectory.back().pose}});
     }
     return all;
   }

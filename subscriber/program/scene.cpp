@@ -105,20 +105,8 @@ Pose fixed_pose(const YAML::Node& node, const std::string& body) {
 
 // Velocities by the next frame's pose; the last frame keeps those before it.
 void add_velocities(std::vector<Motion>& motions, double rate_hz) {
-  for (std::size_t i = 0; i + 1 < motions.size(); ++i) {
-    const Pose &now = motions[i].pose, &next = motions[i + 1].pose;
-    for (std::size_t k = 0; k < 3; ++k)
-      motions[i].linear_velocity_mps[k] = (next.translation_m[k] - now.translation_m[k]) * rate_hz;
-    // next * now^T turns by the frame's rotation; its skew part is the axis times the sine of the angle.
-    const auto turn = [&](std::size_t r, std::size_t c) {
-      double sum = 0;
-      for (std::size_t k = 0; k < 3; ++k) sum += next.rotation[3 * r + k] * now.rotation[3 * c + k];
-      return sum;
-    };
-    motions[i].angular_velocity_radps = {(turn(2, 1) - turn(1, 2)) / 2 * rate_hz,
-                                         (turn(0, 2) - turn(2, 0)) / 2 * rate_hz,
-                                         (turn(1, 0) - turn(0, 1)) / 2 * rate_hz};
-  }
+  for (std::size_t i = 0; i + 1 < motions.size(); ++i)
+    motions[i] = motion_between(motions[i].pose, motions[i + 1].pose, 1 / rate_hz);
   if (motions.size() > 1) {
     motions.back().linear_velocity_mps = motions[motions.size() - 2].linear_velocity_mps;
     motions.back().angular_velocity_radps = motions[motions.size() - 2].angular_velocity_radps;

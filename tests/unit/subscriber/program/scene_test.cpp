@@ -221,6 +221,21 @@ TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   }
 }
 
+// A quarter turn a frame, and half of one: by its sine the first would be a third too slow, and the second none.
+TEST(ReadScene, FastTurnsAreAsFastAsTheyAre) {
+  constexpr double kQuarterTurn = 1.5707963267948966;
+  Folder folder;
+  folder.write("flight1.csv",
+               "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n"
+               "0,-1,0,1,0,0,0,0,1,0,0,0\n0,1,0,-1,0,0,0,0,1,0,0,0\n");
+  folder.write("scene.yaml", kScene);
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  const auto& motions = scene.value().bodies[1].trajectory;
+  EXPECT_NEAR(motions[0].angular_velocity_radps[2], 20 * kQuarterTurn, 1e-9);
+  EXPECT_NEAR(std::abs(motions[1].angular_velocity_radps[2]), 40 * kQuarterTurn, 1e-9);
+}
+
 struct Bad {
   std::string from, to;
   int line;
