@@ -489,7 +489,7 @@ class Flight {
   }
 
   void note_certified(const FrameReport& report) {
-    if (summary_.first_certified_s >= 0) return;
+    if (summary_.first_certified_s) return;
     if (report.free_by_bounds.pairs > 0) summary_.first_certified_s = clock_.seconds();
     for (const PairAnswer& pair : report.answers)
       if (is_certified(pair.answer.status)) {
