@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run_program.hpp"
 
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -9,6 +10,21 @@
 
 namespace nearmesh {
 namespace {
+
+/// A range of numbers lets nan pass, with which no comparison is true: a verb that waits until then would not, or for ever.
+void refuse_what_is_no_number(CLI::App& verb) {
+  const CLI::Validator is_number(
+      [](const std::string& text) {
+        double x = 0;
+        return CLI::detail::lexical_cast(text, x) && std::isnan(x)
+                   ? "expected a number, found " + text
+                   : std::string();
+      },
+      "");
+  for (CLI::Option* option : verb.get_options())
+    for (const char* kind : {"FLOAT", "NONNEGATIVE"})
+      if (option->get_type_name().find(kind) != std::string::npos) option->check(is_number);
+}
 
 Outcome parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen) {
   try {
@@ -31,8 +47,10 @@ int run_program(CLI::App& app, int argc, char** argv, const Action& chosen,
   const std::string version =
       app.get_name() + " " + NEARMESH_VERSION + (libraries.empty() ? "" : "\n" + libraries);
   app.set_version_flag("--version", version, "Print versions, and end");
-  for (CLI::App* verb : app.get_subcommands({}))
+  for (CLI::App* verb : app.get_subcommands({})) {
     verb->set_version_flag("--version", version, "Print versions, and end");
+    refuse_what_is_no_number(*verb);
+  }
   Outcome outcome = Status::ok();
   try {
     outcome = parse_and_run(app, argc, argv, chosen);

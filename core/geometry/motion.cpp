@@ -56,7 +56,53 @@ std::array<double, 9> turn_by(const Vec3& phi) {
           n * (a * c - b * w),     n * (b * c + a * w),     1 - n * (a * a + b * b)};
 }
 
+/// The axis of a rotation times its angle, at most half a turn.
+Vec3 axis_angle(const std::array<double, 9>& r) {
+  // r - r^T is the axis times twice the angle's sine, the trace of r 1 + 2 cosine.
+  Vec3 axis{r[7] - r[5], r[2] - r[6], r[3] - r[1]};
+  const double twice_sine = std::sqrt(dot(axis, axis)), twice_cosine = r[0] + r[4] + r[8] - 1;
+  if (twice_sine == 0 && twice_cosine >= 0) return {};
+  const double angle = std::atan2(twice_sine, twice_cosine);
+  double length = twice_sine;
+  if (twice_cosine < 0) {
+    // Near half a turn the sine says little: r + r^T - 2 cosine is the axis times the axis, times a number, so each of its columns is along the axis.
+    Vec3 along;
+    double longest = -1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      Vec3 column;
+      for (std::size_t i = 0; i < 3; ++i)
+        column[i] = r[3 * i + k] + r[3 * k + i] - (i == k ? twice_cosine : 0);
+      if (const double square = dot(column, column); square > longest) {
+        longest = square;
+        along = column;
+      }
+    }
+    const double sign = dot(along, axis) < 0 ? -1 : 1;
+    for (double& x : along) x *= sign;
+    axis = along;
+    length = std::sqrt(longest);
+  }
+  for (double& x : axis) x *= angle / length;
+  return axis;
+}
+
 }  // namespace
+
+Motion motion_between(const Pose& from, const Pose& to, double dt_s) {
+  const FloatGuard guard;
+  Motion motion{.pose = from};
+  std::array<double, 9> turn{};  // to * from^T
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      for (std::size_t k = 0; k < 3; ++k)
+        turn[3 * i + j] += to.rotation[3 * i + k] * from.rotation[3 * j + k];
+  const Vec3 phi = axis_angle(turn);
+  for (std::size_t k = 0; k < 3; ++k) {
+    motion.linear_velocity_mps[k] = (to.translation_m[k] - from.translation_m[k]) / dt_s;
+    motion.angular_velocity_radps[k] = phi[k] / dt_s;
+  }
+  return motion;
+}
 
 Pose pose_at(const Motion& motion, double dt_s) {
   const FloatGuard guard;

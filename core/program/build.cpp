@@ -16,6 +16,7 @@
 #include "core/spm/encode_model_file.hpp"
 #include "core/spm/file_layout.hpp"
 #include "import_options.hpp"
+#include "json_text.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -100,7 +101,7 @@ void print_json(const Outcome& o) {
                                    {"peak_memory_bytes", peak_memory_bytes()}};
   add_json(o.measures, report);
   if (o.terrain) report["terrain"] = terrain_json(*o.terrain);
-  std::printf("%s\n", report.dump().c_str());
+  std::printf("%s\n", text_of(report).c_str());
 }
 
 void print_text(const Outcome& o) {

@@ -17,6 +17,7 @@
 #include "core/spm/file_layout.hpp"
 #include "core/world/world_folder.hpp"
 #include "import_options.hpp"
+#include "json_text.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
 #include "world_plan.hpp"
@@ -347,7 +348,7 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
                                         {"bake_seconds", sum.bake_seconds},
                                         {"seconds", seconds},
                                         {"peak_memory_bytes", peak_memory_bytes()}};
-    std::printf("%s\n", out.dump().c_str());
+    std::printf("%s\n", text_of(out).c_str());
     return;
   }
   std::printf("%s\n  world: %s\n", options.build.out.c_str(), to_hex(pages.name).c_str());

@@ -128,6 +128,8 @@ Status check_line(const nlohmann::json& line, Full& models, const std::string& w
   ++counts.answers;
   const auto status = line.at("status").get<std::string>();
   if (status == "uncertain") return Status::ok();  // claims nothing
+  if (status != "free" && status != "contact" && status != "contained" && status != "partial")
+    return {StatusCode::kInvalidArgument, where + ": no answer has the status " + status};
   const Result<Side> a = side_of(line, "a", models, where);
   NEARMESH_RETURN_IF_ERROR(a);
   const Result<Side> b = side_of(line, "b", models, where);

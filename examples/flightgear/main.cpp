@@ -133,29 +133,19 @@ class Mover {
     if (step_s > 0)
       motion.linear_velocity_mps = frame_.turn(state.place, state.north_east_down_mps);
     if (step_s > 0 && step_s <= kMostTurnStep_s)
-      motion.angular_velocity_radps = turn_between(rotation_, motion.pose.rotation, step_s);
+      motion.angular_velocity_radps =
+          nearmesh::motion_between(pose_, motion.pose, step_s).angular_velocity_radps;
     // Never at rest: who says nothing more shall not be taken for one who stays where he is.
     if (nearmesh::is_at_rest(motion)) motion.linear_velocity_mps[2] = kHardlyMoves_mps;
     elapsed_s_ = state.elapsed_s;
-    rotation_ = motion.pose.rotation;
+    pose_ = motion.pose;
     return motion;
   }
 
  private:
-  /// now * before^T turns by the step's rotation; its skew part is the axis times the sine of the angle.
-  static Vector turn_between(const Matrix& before, const Matrix& now, double step_s) {
-    const auto turn = [&](std::size_t r, std::size_t c) {
-      double sum = 0;
-      for (std::size_t k = 0; k < 3; ++k) sum += now[3 * r + k] * before[3 * c + k];
-      return sum;
-    };
-    return {(turn(2, 1) - turn(1, 2)) / 2 / step_s, (turn(0, 2) - turn(2, 0)) / 2 / step_s,
-            (turn(1, 0) - turn(0, 1)) / 2 / step_s};
-  }
-
   const SceneFrame& frame_;
   double elapsed_s_ = 1e300;  ///< of the state before
-  Matrix rotation_{};
+  nearmesh::Pose pose_;
 };
 
 struct Summary {

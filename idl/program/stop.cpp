@@ -11,4 +11,9 @@ void stop_on_signals() {
   std::signal(SIGTERM, request_stop);
 }
 
+void end_on_signals() {
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, SIG_DFL);
+  if (stop_requested != 0) std::raise(SIGTERM);
+}
+
 }  // namespace nearmesh::wire::program

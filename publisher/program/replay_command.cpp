@@ -208,7 +208,10 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
       until_s, stats.messages(), seconds, 1e3 * stats.late.quantile(0.99), stats.requests,
       stats.batches);
   if (stats.failed > 0) spdlog::warn("{} samples could not be sent", stats.failed);
-  if (options.json) std::printf("%s\n", to_json(options, stats, seconds, until_s).dump().c_str());
+  if (options.json)
+    std::printf("%s\n", to_json(options, stats, seconds, until_s)
+                            .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
+                            .c_str());
 }
 
 }  // namespace

@@ -37,23 +37,6 @@ constexpr wire::Delivery kTfStatic{.depth = 1, .is_latched = true};
 /// Best effort takes what writers of both kinds offer.
 constexpr wire::Delivery kPoses{.depth = 100, .is_reliable = false};
 
-/// Velocities by the pose before, `step_s` ago.
-Motion motion_of(const Pose& before, const Pose& now, double step_s) {
-  Motion motion{.pose = now};
-  for (std::size_t k = 0; k < 3; ++k)
-    motion.linear_velocity_mps[k] = (now.translation_m[k] - before.translation_m[k]) / step_s;
-  // now * before^T turns by the step's rotation; its skew part is the axis times the sine of the angle.
-  const auto turn = [&](std::size_t r, std::size_t c) {
-    double sum = 0;
-    for (std::size_t k = 0; k < 3; ++k) sum += now.rotation[3 * r + k] * before.rotation[3 * c + k];
-    return sum;
-  };
-  motion.angular_velocity_radps = {(turn(2, 1) - turn(1, 2)) / 2 / step_s,
-                                   (turn(0, 2) - turn(2, 0)) / 2 / step_s,
-                                   (turn(1, 0) - turn(0, 1)) / 2 / step_s};
-  return motion;
-}
-
 std::string without_slash(const std::string& frame) {
   return frame.starts_with('/') ? frame.substr(1) : frame;
 }
@@ -244,9 +227,10 @@ class Ros2Bridge::Impl {
     Moved& moved = moved_[place];
     const std::int64_t at_ns = said.stamp_ns != 0 ? said.stamp_ns : wire::now_us() * 1000;
     const std::int64_t step_ns = at_ns - moved.at_ns;
-    Motion motion{.pose = pose.value()};
+    Motion motion;
     if (moved.has_pose && step_ns > 0 && step_ns <= kMaxStep_ns)
-      motion = motion_of(moved.pose, pose.value(), static_cast<double>(step_ns) * 1e-9);
+      motion = motion_between(moved.pose, pose.value(), static_cast<double>(step_ns) * 1e-9);
+    motion.pose = pose.value();
     if (!check_motion(motion, body).is_ok()) motion = {.pose = pose.value()};  // a jump
     if (is_at_rest(motion)) motion.linear_velocity_mps[2] = kHardlyMoves_mps;
     moved = {true, pose.value(), at_ns};

@@ -143,7 +143,9 @@ class Doctor {
                                     {"name", finding.name},
                                     {"value", finding.value},
                                     {"text", finding.text}});
-      std::printf("%s\n", json.dump().c_str());
+      std::printf(
+          "%s\n",
+          json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
       return;
     }
     for (const Finding& finding : findings_)

@@ -55,7 +55,8 @@ nlohmann::ordered_json to_json(Summary& s) {
             {"slots", s.stats.slots},
             {"exact_faces", s.stats.exact_faces},
             {"tree_bytes", s.stats.tree_bytes},
-            {"first_certified_s", s.first_certified_s},
+            {"first_certified_s",
+             s.first_certified_s ? nlohmann::ordered_json(*s.first_certified_s) : nullptr},
             {"seconds", s.seconds},
             {"peak_memory_bytes", peak_memory_bytes()}}}};
 }
@@ -91,7 +92,11 @@ void print_text(Summary& s) {
       count(s.stats.held_splits), count(s.stats.slots), count(s.stats.exact_faces),
       static_cast<double>(s.stats.tree_bytes) / 1e6,
       static_cast<double>(peak_memory_bytes()) / 1e6);
-  std::printf("  first         certified answer %.3f s after the start; %llu frames in %.1f s\n",
-              s.first_certified_s, count(s.frames), s.seconds);
+  if (s.first_certified_s)
+    std::printf("  first         certified answer %.3f s after the start; %llu frames in %.1f s\n",
+                *s.first_certified_s, count(s.frames), s.seconds);
+  else
+    std::printf("  first         no certified answer; %llu frames in %.1f s\n", count(s.frames),
+                s.seconds);
 }
 }  // namespace nearmesh::subscriber::program

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -33,7 +34,8 @@ struct Summary {
   std::uint64_t put_off = 0;                      // of the uncertain ones: for want of budget
   std::uint64_t free_by_bounds = 0, unknown = 0;  // of pairs that were not listed
   Timings load, refine, tree, query;
-  double first_certified_s = -1, seconds = 0;
+  std::optional<double> first_certified_s;  ///< since the start; none: there was none
+  double seconds = 0;
   SessionStats stats;
 };
 /// One object, "summary" (docs/answers.md).

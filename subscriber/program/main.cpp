@@ -44,6 +44,13 @@ void add_ros2_options(CLI::App& command, Ros2Showing& options, const char* frame
       ->group(kRos2Group);
 }
 
+/// Of a verb that ends by itself: who interrupts it shall not wait for that.
+template <class Options>
+Outcome run_to_its_end(const Options& options) {
+  wire::program::end_on_signals();
+  return run(options);
+}
+
 void add_run_command(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
@@ -105,7 +112,8 @@ void add_info_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<InfoOptions>();
   command->add_option("session", options->path, "Recorded session (.db3)")->required();
   command->add_flag("--json", options->json, "As JSON");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback(
+      [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
 
 void add_verify_command(CLI::App& app, Action& chosen) {
@@ -129,7 +137,8 @@ void add_verify_command(CLI::App& app, Action& chosen) {
       "End with 0 also where answers could not be proved or reports are missing, if none "
       "is different");
   command->add_flag("--json", options->json, "As JSON");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback(
+      [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
 
 void add_export_command(CLI::App& app, Action& chosen) {
@@ -172,7 +181,7 @@ void add_export_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] {
     if (options->out.ends_with(".ply") && !options->time_s)
       throw CLI::RequiredError("a .ply file holds one moment: --time");
-    chosen = [options] { return run(*options); };
+    chosen = [options] { return run_to_its_end(*options); };
   });
 }
 
@@ -184,7 +193,8 @@ void add_report_command(CLI::App& app, Action& chosen) {
   command->add_option("session", options->session, "Recorded session (.db3)")->required();
   command->add_option("-o,--output", options->folder, "Folder for index.html; made if need be")
       ->required();
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback(
+      [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
 
 void add_watch_command(CLI::App& app, Action& chosen) {

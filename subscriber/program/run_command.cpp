@@ -223,37 +223,14 @@ class Flight {
       NEARMESH_RETURN_IF_ERROR(file);
       answers_.emplace(std::move(file).value());
     }
-    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
-      const BodyOfScene& body = scene_.bodies[i];
-      const bool is_of_ros2 = ros2_ != nullptr && ros2_->moves(i);
-      // Who moves an own body may fall silent all the same.
-      const auto age_s = is_of_ros2 && !body.max_pose_age_s
-                             ? std::optional(scene_.session.max_pose_age_s)
-                             : body.max_pose_age_s;
-      const auto added = session_.add_body(
-          {.name = body.name,
-           .model = body.model,
-           .own = !body.trajectory.empty() || is_of_ros2,
-           .solid = body.solid,
-           .content = body.content,
-           .max_pose_age_s = age_s,
-           .max_speed_mps = body.trajectory.empty() && !is_of_ros2 ? 0 : body.max_speed_mps});
-      NEARMESH_RETURN_IF_ERROR(added.status());
-      if (body.trajectory.empty() && !is_of_ros2) others_.insert(added.value());
-      if (body.fixed_pose)
-        NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
-    }
-    for (const std::vector<std::size_t>& robot : scene_.robots) {
-      std::vector<BodyId> links;
-      for (const std::size_t link : robot) links.push_back(id_of(link));
-      NEARMESH_RETURN_IF_ERROR(session_.link_bodies(links));
-    }
+    const auto is_of_ros2 = [this](std::size_t i) { return ros2_ != nullptr && ros2_->moves(i); };
+    NEARMESH_RETURN_IF_ERROR(declare(scene_, is_of_ros2, session_).status);
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i)
+      if (scene_.bodies[i].trajectory.empty() && !is_of_ros2(i)) others_.insert(id_of(i));
     if (scene_.watches_all) {
       scene_.watches_only_own ? session_.watch_own() : session_.watch_all();
       session_.discover_bodies();
     }
-    for (const auto& [a, b] : scene_.pairs)
-      NEARMESH_RETURN_IF_ERROR(session_.watch(id_of(a), id_of(b)));
     return Status::ok();
   }
 
@@ -356,7 +333,9 @@ class Flight {
     for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
       const std::vector<Motion>& trajectory = scene_.bodies[i].trajectory;
       if (trajectory.empty()) continue;
-      all.push_back({id_of(i), trajectory[std::min<std::size_t>(frame, trajectory.size() - 1)]});
+      // Who stays where its trajectory ends has no velocity any more: others would wait for what it never reaches.
+      all.push_back({id_of(i), frame < trajectory.size() ? trajectory[frame]
+                                                         : Motion{.pose = trajectory.back().pose}});
     }
     return all;
   }
@@ -510,7 +489,7 @@ class Flight {
   }
 
   void note_certified(const FrameReport& report) {
-    if (summary_.first_certified_s >= 0) return;
+    if (summary_.first_certified_s) return;
     if (report.free_by_bounds.pairs > 0) summary_.first_certified_s = clock_.seconds();
     for (const PairAnswer& pair : report.answers)
       if (is_certified(pair.answer.status)) {

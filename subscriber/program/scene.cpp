@@ -9,6 +9,7 @@
 
 #include "core/base/csv.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {
@@ -23,15 +24,19 @@ struct SceneError {
 };
 
 [[noreturn]] void fail(const YAML::Node& node, const std::string& what) {
-  throw SceneError{node.Mark().line + 1, what};
+  throw SceneError{std::max(node.Mark().line, 0) + 1, what};  // of an empty file it has none
 }
 
 void check_keys(const YAML::Node& map, const std::string& where,
                 const std::set<std::string>& known) {
   if (!map.IsMap()) fail(map, where + ": expected a map");
-  for (const auto& entry : map)
-    if (const auto key = entry.first.as<std::string>(); !known.contains(key))
-      fail(entry.first, where + ": unknown key " + key);
+  std::set<std::string> seen;
+  for (const auto& entry : map) {
+    const auto key = entry.first.as<std::string>();
+    if (!known.contains(key)) fail(entry.first, where + ": unknown key " + key);
+    // Of two one would count, and nobody would know which.
+    if (!seen.insert(key).second) fail(entry.first, where + ": " + key + " stands twice");
+  }
 }
 
 template <class T>
@@ -105,20 +110,8 @@ Pose fixed_pose(const YAML::Node& node, const std::string& body) {
 
 // Velocities by the next frame's pose; the last frame keeps those before it.
 void add_velocities(std::vector<Motion>& motions, double rate_hz) {
-  for (std::size_t i = 0; i + 1 < motions.size(); ++i) {
-    const Pose &now = motions[i].pose, &next = motions[i + 1].pose;
-    for (std::size_t k = 0; k < 3; ++k)
-      motions[i].linear_velocity_mps[k] = (next.translation_m[k] - now.translation_m[k]) * rate_hz;
-    // next * now^T turns by the frame's rotation; its skew part is the axis times the sine of the angle.
-    const auto turn = [&](std::size_t r, std::size_t c) {
-      double sum = 0;
-      for (std::size_t k = 0; k < 3; ++k) sum += next.rotation[3 * r + k] * now.rotation[3 * c + k];
-      return sum;
-    };
-    motions[i].angular_velocity_radps = {(turn(2, 1) - turn(1, 2)) / 2 * rate_hz,
-                                         (turn(0, 2) - turn(2, 0)) / 2 * rate_hz,
-                                         (turn(1, 0) - turn(0, 1)) / 2 * rate_hz};
-  }
+  for (std::size_t i = 0; i + 1 < motions.size(); ++i)
+    motions[i] = motion_between(motions[i].pose, motions[i + 1].pose, 1 / rate_hz);
   if (motions.size() > 1) {
     motions.back().linear_velocity_mps = motions[motions.size() - 2].linear_velocity_mps;
     motions.back().angular_velocity_radps = motions[motions.size() - 2].angular_velocity_radps;
@@ -256,6 +249,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       check_keys(node, "move", {"body", "trajectory"});
       const std::string name = name_of(node, "body", "move");
       BodyOfScene& body = scene.bodies[body_named(scene, name, node["body"], "moves")];
+      if (!body.trajectory.empty()) fail(node["body"], "moves: body " + name + " is moved twice");
+      if (body.fixed_pose) fail(node["body"], "moves: body " + name + " has a fixed pose");
       const std::filesystem::path file = name_of(node, "trajectory", "move of " + name);
       auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,
                                      scene.frame_rate_hz);
@@ -287,6 +282,10 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.pairs.emplace_back(body_named(scene, names[0], node, "pairs"),
                              body_named(scene, names[1], node, "pairs"));
   }
+  Session session(std::make_unique<LocalChannel>());
+  const Refused refused = declare(
+      scene, [](std::size_t) { return false; }, session);
+  if (!refused.status.is_ok()) fail(root[refused.list][refused.place], refused.status.message());
   if (root["duration_s"]) {
     const double duration_s = number_in(root, "duration_s", 0, 0, kMaxDuration_s);
     scene.frames = std::max<std::uint64_t>(
@@ -298,6 +297,43 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
 }
 
 }  // namespace
+
+Refused declare(const Scene& scene, const std::function<bool(std::size_t)>& moves,
+                Session& session) {
+  std::vector<BodyId> ids;
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    const BodyOfScene& body = scene.bodies[i];
+    const bool is_own = !body.trajectory.empty() || moves(i);
+    // Who moves an own body without a trajectory may fall silent all the same.
+    const auto age_s = body.trajectory.empty() && is_own && !body.max_pose_age_s
+                           ? std::optional(scene.session.max_pose_age_s)
+                           : body.max_pose_age_s;
+    const auto added = session.add_body({.name = body.name,
+                                         .model = body.model,
+                                         .own = is_own,
+                                         .solid = body.solid,
+                                         .content = body.content,
+                                         .max_pose_age_s = age_s,
+                                         .max_speed_mps = is_own ? body.max_speed_mps : 0});
+    if (!added.is_ok()) return {"bodies", i, added.status()};
+    ids.push_back(added.value());
+    if (!body.fixed_pose) continue;
+    if (Status placed = session.place_body(ids[i], *body.fixed_pose); !placed.is_ok())
+      return {"bodies", i, std::move(placed)};
+  }
+  for (std::size_t i = 0; i < scene.robots.size(); ++i) {
+    std::vector<BodyId> links;
+    for (const std::size_t link : scene.robots[i]) links.push_back(ids[link]);
+    if (Status linked = session.link_bodies(links); !linked.is_ok())
+      return {"robots", i, std::move(linked)};
+  }
+  for (std::size_t i = 0; i < scene.pairs.size(); ++i) {
+    const auto& [a, b] = scene.pairs[i];
+    if (Status watched = session.watch(ids[a], ids[b]); !watched.is_ok())
+      return {"pairs", i, std::move(watched)};
+  }
+  return {};
+}
 
 Result<Scene> read_scene(const std::string& path) {
   try {

@@ -297,7 +297,10 @@ Outcome run(const StatusOptions& options) {
       monitor.value()->listen(std::min(0.1, options.seconds - clock.seconds()));
     const BusView view = monitor.value()->view();
     if (options.json) {
-      std::printf("%s\n", to_json(view, options.regions).dump().c_str());
+      std::printf("%s\n",
+                  to_json(view, options.regions)
+                      .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
+                      .c_str());
     } else {
       if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
       print_text(view);

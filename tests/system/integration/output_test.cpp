@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "nearmesh/core/spm/model_file.hpp"
@@ -387,6 +388,60 @@ TEST_F(Output, AnswersToAFullDeviceEndTheFlight) {
             std::vector<std::string>{
                 "nearmesh-subscriber: /dev/full: cannot write: No space left on device"})
       << ended.err;
+}
+
+// Names of files are bytes, JSON is UTF-8.
+TEST_F(Output, WhatIsPrintedIsJsonWhateverFilesAreCalled) {
+  files["{latin}"] = folder.file("b\xe4ll");
+  for (const auto& [from, ending] :
+       {std::pair("{mesh}", ".stl"), {"{model}", ".spm"}, {"{session}", ".db3"}})
+    fs::copy_file(filled(from), filled("{latin}") + ending);
+  for (const Row& row :
+       std::vector<Row>{{kModel, "info --json {latin}.spm"},
+                        {kModel, "build --json {latin}.stl -o {out}.spm"},
+                        {kModel, "build-world --json {mesh} -o {latin}"},
+                        {kModel, "info --json {latin}"},
+                        {kPublisher, "replay {latin}.db3 --rate 1000 --json {bus}"}}) {
+    std::string out, err;
+    EXPECT_EQ(test::run(folder, row.program, words_of(row.words), &out, &err), 0) << err;
+    EXPECT_TRUE(nlohmann::json::accept(out)) << row.words << "\n" << out;
+  }
+}
+
+TEST_F(Output, WhatIsNoNumberIsWrongUsage) {
+  for (const Row& row : std::vector<Row>{{kModel, "build {mesh} -o {out}.spm --cell nan"},
+                                         {kSubscriber, "status --seconds nan {bus}"},
+                                         {kSubscriber, "export {session} --time nan -o {out}.ply"},
+                                         {kSubscriber, "run {scene} --wait-recorder=nan {bus}"}}) {
+    const Ended ended = run(row);
+    EXPECT_EQ(ended.code, 2) << row.words;
+    EXPECT_NE(ended.err.find("expected a number, found nan"), std::string::npos) << ended.err;
+  }
+}
+
+// What is not known is not right.
+TEST_F(Output, CheckRefusesAnswersOfAnUnknownStatus) {
+  std::string answers = test::read_text(filled("{answers}"));
+  answers.replace(answers.find("free"), 4, "fine");
+  folder.write("answers.jsonl", answers);
+  const Ended ended = run({kModel, "check {model} --answers {answers}"});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("answers.jsonl:1: no answer has the status fine"), std::string::npos)
+      << ended.err;
+}
+
+// Nobody reads from the pipe, so each waits until it is told to stop.
+TEST_F(Output, VerbsThatDoNotRunOnEndAtOnceWhenInterrupted) {
+  ASSERT_EQ(::mkfifo(folder.file("pipe.ply").c_str(), 0600), 0);
+  files["{pipe}"] = folder.file("pipe.ply");
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Process process(folder, kSubscriber,
+                    words_of("export {session} --time 2 --peer {peer} -o {pipe}"));
+    test::pause(1);
+    process.signal(signal);
+    EXPECT_NE(process.wait(), 0) << process.err();
+    EXPECT_EQ(process.out(), "");
+  }
 }
 
 // With no standard output at all, what is printed must not end up in a file that is being written.

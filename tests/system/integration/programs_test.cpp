@@ -767,6 +767,20 @@ TEST_F(Programs, WhoWasHeldUpGoesNoFasterThanWasPromised) {
   EXPECT_EQ(peer->wait(), 0) << peer->err();
 }
 
+TEST_F(Programs, WhoStaysWhereItsTrajectoryEndsIsAtRest) {
+  folder.write("flight1.csv", "QW,QX,QY,QZ,T0,T1,T2\n1,0,0,0,0,0,3000\n1,0,0,0,0,0,2990\n");
+  write_scene("short", {"one"}, "[[ground, one]]", "duration_s: 0.2\n");
+  const auto publisher = serve();
+  const auto peer = fly("short");
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const std::vector<json> answers = answers_of("short");
+  ASSERT_EQ(answers.size(), 10U);
+  for (const json& answer : answers) {
+    EXPECT_EQ(answer.at("status"), "free");
+    EXPECT_EQ(answer.at("safe_horizon_s").is_null(), answer.at("frame") > 1) << answer;
+  }
+}
+
 TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
   write_flights(300);
   write_scene("both", {"one", "two"}, kAllPairs);

@@ -124,7 +124,8 @@ void AnswerCheck::take(const std::string& lines) {
   if (lines.empty()) return;
   const std::string last = lines_of(lines).back();
   if (const auto line = nlohmann::json::parse(last); line.contains("summary"))
-    if (const double s = line.at("summary").at("first_certified_s"); s >= 0) joins_s.push_back(s);
+    if (const auto& s = line.at("summary").at("first_certified_s"); !s.is_null())
+      joins_s.push_back(s.get<double>());
   const std::string name = std::to_string(files_.size()) + ".jsonl";
   waiting_->write(name, lines);
   files_.push_back(waiting_->file(name));

@@ -121,6 +121,34 @@ TEST(PoseAt, TurnsCounterClockwiseAboutTheAngularVelocity) {
   EXPECT_EQ(pose.translation_m, (Vec3{1, 0, 0}));
 }
 
+// Also of turns that are nearly half a turn, whose sine is that of small ones.
+TEST(MotionBetween, TakesAPoseToTheOther) {
+  constexpr double kHalfTurn = 3.141592653589793;
+  Random random(11);
+  for (const double turn : {0.0, 1e-12, 1e-3, 0.3, 1.5, 1.6, 3.0, kHalfTurn - 1e-9, kHalfTurn})
+    for (int i = 0; i < 200; ++i) {
+      const double dt_s = random.between(0.01, 1);
+      Motion motion = random_motion(random, 100, 1);
+      if (turn == 0) motion.angular_velocity_radps = {};
+      if (turn > 0) motion.angular_velocity_radps = random_vector(random, turn / dt_s);
+      const Pose to = pose_at(motion, dt_s);
+      const Motion found = motion_between(motion.pose, to, dt_s);
+      EXPECT_EQ(found.pose.rotation, motion.pose.rotation);
+      const Pose there = pose_at(found, dt_s);
+      for (std::size_t k = 0; k < 9; ++k) EXPECT_NEAR(there.rotation[k], to.rotation[k], 1e-14);
+      for (std::size_t k = 0; k < 3; ++k)
+        EXPECT_NEAR(there.translation_m[k], to.translation_m[k], 1e-8);
+      if (turn < 3) {
+        for (std::size_t k = 0; k < 3; ++k)
+          EXPECT_NEAR(found.angular_velocity_radps[k] * dt_s,
+                      motion.angular_velocity_radps[k] * dt_s, 1e-14);
+      }
+      if (turn == 0) {
+        EXPECT_EQ(found.angular_velocity_radps, (Vec3{}));
+      }
+    }
+}
+
 TEST(PoseAt, RotationsAreOrthonormalToTheLastBitsAfterThousandsOfTurns) {
   Random random(4);
   for (int i = 0; i < 1000; ++i) {

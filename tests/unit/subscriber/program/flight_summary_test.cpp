@@ -27,5 +27,12 @@ TEST(Timings, OfAFlightOfDaysTheQuantilesStandForAllOfIt) {
   EXPECT_LE(timings.kept(), Timings::kMost);
 }
 
+TEST(Summary, OfAFlightWithoutACertifiedAnswerTellsNoTimeOfOne) {
+  Summary summary;
+  EXPECT_TRUE(to_json(summary).at("summary").at("first_certified_s").is_null());
+  summary.first_certified_s = 0.5;
+  EXPECT_EQ(to_json(summary).at("summary").at("first_certified_s"), 0.5);
+}
+
 }  // namespace
 }  // namespace nearmesh::subscriber::program

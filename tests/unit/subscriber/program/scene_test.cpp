@@ -221,6 +221,21 @@ TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   }
 }
 
+// A quarter turn a frame, and half of one: by its sine the first would be a third too slow, and the second none.
+TEST(ReadScene, FastTurnsAreAsFastAsTheyAre) {
+  constexpr double kQuarterTurn = 1.5707963267948966;
+  Folder folder;
+  folder.write("flight1.csv",
+               "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n"
+               "0,-1,0,1,0,0,0,0,1,0,0,0\n0,1,0,-1,0,0,0,0,1,0,0,0\n");
+  folder.write("scene.yaml", kScene);
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  const auto& motions = scene.value().bodies[1].trajectory;
+  EXPECT_NEAR(motions[0].angular_velocity_radps[2], 20 * kQuarterTurn, 1e-9);
+  EXPECT_NEAR(std::abs(motions[1].angular_velocity_radps[2]), 40 * kQuarterTurn, 1e-9);
+}
+
 struct Bad {
   std::string from, to;
   int line;
@@ -235,6 +250,22 @@ TEST(ReadScene, RefusesWithFileAndLine) {
        "unknown key mesh"},
       {"{body: one, traj", "{body: one, speed: 3, traj", 6, "unknown key speed"},
       {"{translation:", "{position:", 2, "unknown key position"},
+      // what stands twice
+      {"budget_ms: 5", "frame_rate_hz: 5", 11, "scene: frame_rate_hz stands twice"},
+      {"{name: one, model", "{name: one, model: ball, model", 3, "body: model stands twice"},
+      {"{name: two, model: aircraft}", "{name: one, model: aircraft}\n  - {name: two, model: ball}",
+       4, "body one is declared twice"},
+      {"flight1.csv}\n", "flight1.csv}\n  - {body: one, trajectory: flight1.csv}\n", 7,
+       "moves: body one is moved twice"},
+      {"{name: one, model", "{name: one, pose: {}, model", 6, "moves: body one has a fixed pose"},
+      // what a session refuses
+      {"{name: two, model: aircraft}", "{name: two, model: H\u00e4her}", 4, "model name"},
+      {"model: aircraft}\n  - {name: two,",
+       "model: aircraft, content: 8f1c42d0a97be35561d09f7c2e04ab83}\n  - {name: two, content: "
+       "8f1c42d0a97be35561d09f7c2e04ab84,",
+       4, "body two pins model aircraft to content"},
+      {"[terrain, one]", "[one, one]", 8, "body one against itself"},
+      {"budget_ms: 5", "robots:\n  - [one]", 12, "links of a robot: expected 2 to 256, found 1"},
       // wrong types
       {"lookahead_s: 0.3", "lookahead_s: soon", 12, "lookahead_s: expected a number"},
       {"lookahead_s: 0.3", "lookahead_s: [1, 2]", 12, "lookahead_s: expected a number"},

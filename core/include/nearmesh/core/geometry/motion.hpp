@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A body at an instant: where it is and how it moves; and where that motion takes it. Deterministic: + - * / and sqrt
-// only, so every machine gets the same pose for the same instant.
+// A body at an instant: where it is and how it moves; and where that motion takes it. pose_at is deterministic: + - * / and
+// sqrt only, so every machine gets the same pose for the same instant.
 
 #include <string_view>
 
@@ -35,6 +35,11 @@ inline constexpr double kMaxTurnRad = 0x1p20;
 /// the translation within 2^-50 (|T0| + |v dt|) metres.
 /// Precondition: check_motion accepted the motion, |w dt| <= kMaxTurnRad (asserted).
 [[nodiscard]] Pose pose_at(const Motion& motion, double dt_s);
+
+/// The velocities that take a body from one pose to another in `dt_s` by the smaller turn, at the first of them: pose_at then gives the
+/// second, but for rounding. A body that turns by more than half a turn in that time seems to turn the other way.
+/// Precondition: check_pose accepted both, dt_s > 0.
+[[nodiscard]] Motion motion_between(const Pose& from, const Pose& to, double dt_s);
 
 /// Bound of the error of a rotation by pose_at after a turn of so many radians: (64 + 320 turn) 2^-53.
 [[nodiscard]] constexpr double pose_rotation_error(double turn_rad) {
