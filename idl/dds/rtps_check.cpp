@@ -415,17 +415,20 @@ struct Submessages {
     const Bytes speaker = in.take(24);  // who names this message, and its number
     in.skip(24 + 3 * 16);               // another message's name, three GUIDs
     in.text();
-    bool is_one = true;
+    // PEM has a colon in its headers alone, and one of these says that it is encrypted: then Fast DDS asks for the passphrase
+    // at the terminal, and its thread waits for an answer.
+    bool is_one = true, is_clear = true;
     for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left)
       read_token(in, [&](Bytes name, Bytes value) {
         if (!is_certificate(name)) return;
+        is_clear = is_clear && std::find(value.begin(), value.end(), ':') == value.end();
         if (verdict.certificate.empty()) verdict.certificate = value;
         // The second would hide the first from whoever looks at one.
         is_one = is_one && !value.empty() &&
                  std::equal(value.begin(), value.end(), verdict.certificate.begin(),
                             verdict.certificate.end());
       });
-    if (!in.is_whole() || !is_one) return DoorRefusal::kParameters;
+    if (!in.is_whole() || !is_one || !is_clear) return DoorRefusal::kParameters;
     // Fast DDS takes it for who this says, not for who sent it.
     return std::equal(verdict.source.begin(), verdict.source.end(), speaker.begin())
                ? kNone

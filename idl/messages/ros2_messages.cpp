@@ -31,8 +31,10 @@ class Cdr {
     for (const double x : vector) put(x);
   }
   void put_header(std::int64_t stamp_ns, const std::string& frame) {
-    put(static_cast<std::int32_t>(stamp_ns / 1'000'000'000));
-    put(static_cast<std::uint32_t>(stamp_ns % 1'000'000'000));
+    constexpr std::int64_t kSecond_ns = 1'000'000'000;
+    const std::int64_t part_ns = (stamp_ns % kSecond_ns + kSecond_ns) % kSecond_ns;
+    put(static_cast<std::int32_t>((stamp_ns - part_ns) / kSecond_ns));
+    put(static_cast<std::uint32_t>(part_ns));
     put_text(frame);
   }
   [[nodiscard]] Bytes take() { return std::move(bytes_); }

@@ -155,7 +155,12 @@ std::string describe_identity(const std::string& identity_folder) {
   const auto certificate = crypto::read_certificate(folder / kCertificate);
   const auto authority = crypto::read_certificate(folder / kIdentityCa);
   if (!certificate.is_ok() || !authority.is_ok()) return "";
-  const std::string until = "valid until " + date_of(crypto::end_of(*certificate.value()));
+  std::time_t end =
+      std::min(crypto::end_of(*certificate.value()), crypto::end_of(*authority.value()));
+  // An identity that was added later may outlive the authorities, and then nobody takes it.
+  if (const auto other = crypto::read_certificate(folder / kPermissionsCa); other.is_ok())
+    end = std::min(end, crypto::end_of(*other.value()));
+  const std::string until = "valid until " + date_of(end);
   const auto list = list_in(folder, *authority.value());
   if (!list || !list->is_ok()) return until;
   const std::size_t count = list->value().serials.size();

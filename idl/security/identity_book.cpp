@@ -5,6 +5,7 @@
 #include <openssl/pem.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <mutex>
@@ -28,11 +29,11 @@ std::optional<std::string> text_of_file(const std::string& path) {
   return text.str();
 }
 
-IdentityFacts read_facts(X509& certificate) {
+IdentityFacts read_facts(X509& certificate, X509& authority) {
   IdentityFacts facts;
   facts.name = crypto::name_of(certificate);
   facts.serial = crypto::serial_of(certificate);
-  facts.end = crypto::end_of(certificate);
+  facts.end = std::min(crypto::end_of(certificate), crypto::end_of(authority));
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned int length = 0;
   X509_NAME_digest(X509_get_subject_name(&certificate), EVP_sha256(), digest.data(), &length);
@@ -113,7 +114,7 @@ Result<std::unique_ptr<IdentityBook>> IdentityBook::open(const IdentityPaths& pa
   NEARMESH_RETURN_IF_ERROR(own);
   Impl& impl = *book->impl_;
   impl.authority = std::move(authority).value();
-  impl.own = read_facts(*own.value());
+  impl.own = read_facts(*own.value(), *impl.authority);
   impl.path = paths.revocations;
   const std::string ignored = impl.refresh();
   return book;
@@ -131,14 +132,15 @@ std::optional<IdentityFacts> IdentityBook::facts_of(std::span<const std::uint8_t
     const std::lock_guard lock(impl_->mutex);
     if (const auto at = impl_->known.find(text); at != impl_->known.end()) return at->second;
   }
-  // As Fast DDS reads it.
+  // As Fast DDS reads it, but that nobody is asked for a passphrase.
   const std::unique_ptr<BIO, crypto::Freer<BIO_free_all>> in(
       BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
-  const crypto::Certificate certificate(PEM_read_bio_X509_AUX(in.get(), nullptr, nullptr, nullptr));
+  const crypto::Certificate certificate(
+      PEM_read_bio_X509_AUX(in.get(), nullptr, crypto::no_passphrase, nullptr));
   ERR_clear_error();
   if (certificate == nullptr) return std::nullopt;
   if (!crypto::is_issued_by(*certificate, *impl_->authority)) return std::nullopt;
-  const IdentityFacts facts = read_facts(*certificate);
+  const IdentityFacts facts = read_facts(*certificate, *impl_->authority);
   const std::lock_guard lock(impl_->mutex);
   if (impl_->known.size() >= kMaxKnown) impl_->known.clear();
   impl_->known.emplace(text, facts);

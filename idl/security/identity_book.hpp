@@ -22,9 +22,9 @@ struct IdentityPaths {
 
 /// What a certificate says.
 struct IdentityFacts {
-  std::string name;    ///< common name: "alice"
-  std::string serial;  ///< hexadecimal; another for each certificate of the same name
-  std::time_t end = 0;
+  std::string name;     ///< common name: "alice"
+  std::string serial;   ///< hexadecimal; another for each certificate of the same name
+  std::time_t end = 0;  ///< of it or of its authority, which may have been made long before
   /// With these a participant of this identity begins (OMG DDS Security 1.1, 9.3.3): a bit, and 47 of the hash of the subject.
   std::array<std::uint8_t, 6> key_start{};
 };

@@ -199,19 +199,20 @@ Issued read_issued(const fs::path& authorities) {
   return issued;
 }
 
-/// Sets of before this was kept have what lies in the identities' folders.
-void add_certificate(const fs::path& identity, Issued& issued) {
+/// Sets of before this was kept have what lies in the identities' folders. Of another authority it may have any name, one of two
+/// words too, which would part the lines of what was issued.
+void add_certificate(const fs::path& identity, X509& authority, Issued& issued) {
   const auto certificate = crypto::read_certificate(identity / kCertificate);
-  if (certificate.is_ok())
+  if (certificate.is_ok() && crypto::is_issued_by(*certificate.value(), authority))
     issued.emplace(crypto::name_of(*certificate.value()), crypto::serial_of(*certificate.value()));
 }
 
 /// What is replaced must stay revocable, so it is noted before and after.
-Status note_issued(const fs::path& set, const SecurityPlan& plan) {
+Status note_issued(const fs::path& set, const SecurityPlan& plan, X509& authority) {
   const Issued before = read_issued(set / kAuthorities);
   Issued issued = before;
   for (const SecurityPlan::Identity& identity : plan.identities)
-    add_certificate(set / identity.name, issued);
+    add_certificate(set / identity.name, authority, issued);
   if (issued == before) return Status::ok();
   std::string text;
   for (const auto& [name, serial] : issued) text += serial + " " + name + "\n";
@@ -296,13 +297,14 @@ Status make_security(const std::string& folder, const SecurityPlan& plan) {
                                ? read_authorities(authorities_folder, plan)
                                : make_authorities(authorities_folder, plan, now);
   NEARMESH_RETURN_IF_ERROR(authorities);
-  NEARMESH_RETURN_IF_ERROR(note_issued(set, plan));
+  X509& authority = *authorities.value().identity.certificate;
+  NEARMESH_RETURN_IF_ERROR(note_issued(set, plan, authority));
   const std::string revocations = read_file(authorities_folder / kRevocations);
   for (const SecurityPlan::Identity& identity : plan.identities)
     NEARMESH_RETURN_IF_ERROR(put_folder(set / identity.name, 0755, [&](const fs::path& made) {
       return fill_identity(made, plan, identity, authorities.value(), revocations, now);
     }));
-  return note_issued(set, plan);
+  return note_issued(set, plan, authority);
 }
 
 Result<RevocationReport> revoke_identities(const std::string& folder, const RevocationPlan& plan) {
@@ -321,7 +323,8 @@ Result<RevocationReport> revoke_identities(const std::string& folder, const Revo
   NEARMESH_RETURN_IF_ERROR(list);
   const std::vector<std::string> identities = identities_in(folder);
   Issued issued = read_issued(place);
-  for (const std::string& identity : identities) add_certificate(identity, issued);
+  for (const std::string& identity : identities)
+    add_certificate(identity, *authority.certificate, issued);
   const auto chosen = certificates_of(plan.names, issued);
   NEARMESH_RETURN_IF_ERROR(chosen);
   RevocationReport report;

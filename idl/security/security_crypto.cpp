@@ -143,6 +143,8 @@ Result<std::string> verify_signed(const std::string& path, X509& authority) {
   return text_of(*out);
 }
 
+int no_passphrase(char*, int, int, void*) { return -1; }
+
 std::string to_pem(X509& certificate) {
   const Bio out = memory();
   PEM_write_bio_X509(out.get(), &certificate);
@@ -159,7 +161,7 @@ Result<std::string> to_pem(EVP_PKEY& key) {
 Result<Certificate> read_certificate(const std::string& path) {
   const Bio in(BIO_new_file(path.c_str(), "r"));
   if (in == nullptr) return refused(StatusCode::kIo, path);
-  Certificate certificate(PEM_read_bio_X509(in.get(), nullptr, nullptr, nullptr));
+  Certificate certificate(PEM_read_bio_X509(in.get(), nullptr, no_passphrase, nullptr));
   if (certificate == nullptr) return refused(StatusCode::kCorrupt, "not a certificate in PEM");
   return certificate;
 }
@@ -167,9 +169,7 @@ Result<Certificate> read_certificate(const std::string& path) {
 Result<Key> read_key(const std::string& path) {
   const Bio in(BIO_new_file(path.c_str(), "r"));
   if (in == nullptr) return refused(StatusCode::kIo, path);
-  // Without a passphrase: a program that starts by itself has nobody to ask.
-  Key key(PEM_read_bio_PrivateKey(
-      in.get(), nullptr, [](char*, int, int, void*) { return 0; }, nullptr));
+  Key key(PEM_read_bio_PrivateKey(in.get(), nullptr, no_passphrase, nullptr));
   if (key == nullptr) return refused(StatusCode::kCorrupt, "not a private key in PEM");
   return key;
 }
@@ -231,7 +231,7 @@ Result<std::string> sign_revocations(const Revocations& revoked, std::time_t now
 
 Result<Revocations> read_revocations(const std::string& pem, X509& authority) {
   const Bio in = memory(pem);
-  const List list(PEM_read_bio_X509_CRL(in.get(), nullptr, nullptr, nullptr));
+  const List list(PEM_read_bio_X509_CRL(in.get(), nullptr, no_passphrase, nullptr));
   if (list == nullptr) return refused(StatusCode::kCorrupt, "not a revocation list in PEM");
   if (X509_NAME_cmp(X509_CRL_get_issuer(list.get()), X509_get_subject_name(&authority)) != 0 ||
       X509_CRL_verify(list.get(), X509_get0_pubkey(&authority)) != 1)

@@ -40,6 +40,8 @@ struct Issuer {
 /// The text, if a signature by `authority` itself is on it.
 [[nodiscard]] Result<std::string> verify_signed(const std::string& path, X509& authority);
 
+/// For OpenSSL's readers of PEM, which else ask at the terminal, and wait there: a program that starts by itself has nobody to ask.
+int no_passphrase(char* buffer, int size, int is_written, void* user);
 [[nodiscard]] std::string to_pem(X509& certificate);
 [[nodiscard]] Result<std::string> to_pem(EVP_PKEY& key);
 [[nodiscard]] Result<Certificate> read_certificate(const std::string& path);

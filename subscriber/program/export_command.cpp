@@ -23,7 +23,7 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
   if (start.empty()) return std::string();
   std::vector<std::string> peers, fitting;
   for (const RecordedWriter& writer : recording.writers())
-    if (!writer.partition.empty()) peers.push_back(writer.partition);
+    if (wire::peer_of(writer.partition) != 0) peers.push_back(writer.partition);
   std::sort(peers.begin(), peers.end());
   peers.erase(std::unique(peers.begin(), peers.end()), peers.end());
   std::string list;

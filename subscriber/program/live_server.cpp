@@ -4,6 +4,7 @@
 #include <civetweb.h>
 
 #include <array>
+#include <iterator>
 #include <mutex>
 #include <string_view>
 
@@ -66,24 +67,32 @@ class LiveServer::Impl {
 
   void send(const Streams& streams, const std::string& text) {
     const std::lock_guard lock(mutex_);
-    for (auto& [connection, sent] : browsers_) {
-      bool is_there = true;
-      streams([&, c = connection, &s = sent](const std::string& name, const std::string& bytes) {
-        std::size_t& done = s[name];
-        if (!is_there || done == bytes.size()) return;
-        std::string message(1, static_cast<char>(name.size()));
-        message += name;
-        message.append(bytes, done);
-        is_there =
-            mg_websocket_write(c, MG_WEBSOCKET_OPCODE_BINARY, message.data(), message.size()) > 0;
-        done = bytes.size();
-      });
-      if (is_there)
-        mg_websocket_write(connection, MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
-    }
+    for (auto at = browsers_.begin(); at != browsers_.end();)
+      at = give(at->first, at->second, streams, text) ? std::next(at) : browsers_.erase(at);
   }
 
  private:
+  using Sent = std::map<std::string, std::size_t>;
+
+  /// Out: false when it took too long. It has a part of a message then, and would read the next one as the rest of that.
+  static bool give(mg_connection* browser, Sent& sent, const Streams& streams,
+                   const std::string& text) {
+    bool is_there = true;
+    streams([&](const std::string& name, const std::string& bytes) {
+      std::size_t& done = sent[name];
+      if (!is_there || done == bytes.size()) return;
+      std::string message(1, static_cast<char>(name.size()));
+      message += name;
+      message.append(bytes, done);
+      is_there = write(browser, MG_WEBSOCKET_OPCODE_BINARY, message);
+      done = bytes.size();
+    });
+    return is_there && write(browser, MG_WEBSOCKET_OPCODE_TEXT, text);
+  }
+  static bool write(mg_connection* browser, int kind, const std::string& message) {
+    return mg_websocket_write(browser, kind, message.data(), message.size()) ==
+           static_cast<int>(message.size());
+  }
   int give_page(mg_connection* connection) {
     const std::string_view method = mg_get_request_info(connection)->request_method;
     if (method != "GET") {
@@ -123,7 +132,7 @@ class LiveServer::Impl {
   mg_context* context_ = nullptr;
   std::mutex mutex_;
   /// Of each browser, how much of each stream it has.
-  std::map<mg_connection*, std::map<std::string, std::size_t>> browsers_;
+  std::map<mg_connection*, Sent> browsers_;
 };
 
 LiveServer::LiveServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

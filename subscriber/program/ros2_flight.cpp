@@ -15,6 +15,12 @@ bool are_equal(const Pose& a, const Pose& b) {
 
 }  // namespace
 
+std::int64_t stamp_after(std::int64_t shown_ns, std::int64_t heard_ns) {
+  constexpr std::int64_t kAnew_ns = 1'000'000'000;
+  if (heard_ns == 0) return shown_ns;
+  return heard_ns > shown_ns || shown_ns - heard_ns > kAnew_ns ? heard_ns : shown_ns;
+}
+
 Result<std::unique_ptr<Ros2Flight>> Ros2Flight::create(const RunOptions& options,
                                                        const Scene& scene) {
   if (!options.ros2.is_wanted && options.ros2_poses.empty()) return std::unique_ptr<Ros2Flight>();
@@ -54,7 +60,7 @@ bool Ros2Flight::moves(std::size_t body) const { return moved_.contains(body); }
 
 void Ros2Flight::add_motions(std::vector<Session::OwnMotion>& motions) {
   for (const Ros2Bridge::Heard& heard : bridge_->take_heard()) {
-    heard_stamp_ns_ = std::max(heard_stamp_ns_, heard.stamp_ns);
+    heard_stamp_ns_ = stamp_after(heard_stamp_ns_, heard.stamp_ns);
     for (const auto& [body, moved] : moved_)
       if (moved == heard.moved)
         motions.push_back({BodyId{static_cast<std::uint32_t>(body)}, heard.motion});

@@ -15,6 +15,10 @@
 
 namespace nearmesh::subscriber::program {
 
+/// The stamp of what is shown: the newest that was heard, 0 for none. One that is older by more than a second is of a clock that has
+/// begun anew, as a simulator's does that is reset, or follows one that was ahead of it.
+[[nodiscard]] std::int64_t stamp_after(std::int64_t shown_ns, std::int64_t heard_ns);
+
 class Ros2Flight {
  public:
   /// Nothing where neither flag was given. Errors: kInvalidArgument naming the body; those of Ros2Bridge::create.

@@ -129,13 +129,13 @@ class McapPeer final : public RecordedPeer {
   };
   struct Pair {
     std::int32_t id = 0;
+    std::string topic;
     bool touches = false;
   };
 
   void visit(const RecordedReport& report, Standing standing) override {
     const wire::ContactReport& r = report.message;
-    const std::string pair =
-        topic_ + "/" + ros2::topic_part(r.body_a) + "/" + ros2::topic_part(r.body_b);
+    const std::string& pair = pair_of(r).topic;
     derived_.add(pair + "/clearance_m", ros2::float64(), report.received_ns,
                  ros2::float64(finite_or_infinite(r.clearance_m)));
     derived_.add(pair + "/uncertainty_m", ros2::float64(), report.received_ns,
@@ -148,6 +148,20 @@ class McapPeer final : public RecordedPeer {
     tell_contacts(report, has_both);
   }
 
+  Pair& pair_of(const wire::ContactReport& r) {
+    const auto [at, is_new] = pairs_.try_emplace(std::pair(r.body_a, r.body_b));
+    Pair& pair = at->second;
+    if (!is_new) return pair;
+    pair.id = static_cast<std::int32_t>(pairs_.size());
+    // Of "arm-1" and "arm.1" a topic's name leaves the same.
+    const std::string name =
+        topic_ + "/" + ros2::topic_part(r.body_a) + "/" + ros2::topic_part(r.body_b);
+    pair.topic = name;
+    for (int n = 2; !topics_.insert(pair.topic).second; ++n)
+      pair.topic = name + "_" + std::to_string(n);
+    return pair;
+  }
+
   /// On the wire the greatest number stands for "cannot be bounded".
   static double finite_or_infinite(double x) {
     return x == std::numeric_limits<double>::max() ? std::numeric_limits<double>::infinity() : x;
@@ -155,9 +169,7 @@ class McapPeer final : public RecordedPeer {
 
   void tell_contacts(const RecordedReport& report, bool has_both) {
     const wire::ContactReport& r = report.message;
-    const auto [at, is_new] = pairs_.try_emplace(std::pair(r.body_a, r.body_b));
-    Pair& pair = at->second;
-    if (is_new) pair.id = static_cast<std::int32_t>(pairs_.size());
+    Pair& pair = pair_of(r);
     ros2::Marker marker{.frame = "world",
                         .name_space = r.body_a + " " + r.body_b,
                         .id = pair.id,
@@ -221,6 +233,7 @@ class McapPeer final : public RecordedPeer {
   bool has_meshes_;
   std::map<std::string, Told> told_;  // by body
   std::map<std::pair<std::string, std::string>, Pair> pairs_;
+  std::set<std::string> topics_;  // of pairs
 };
 
 /// Looks at all samples once: says where bodies are, and finds out who touched something.

@@ -218,6 +218,7 @@ class FilmWorld {
     Body& body = bodies_.at(name);
     FilmPose told(pose, body.unit);
     if (body.way.is_at(told)) return;
+    ms = std::max(ms, last_ms_);  // the recorder's clock may have gone back
     world.begin('P', number, static_cast<std::uint64_t>(ms - last_ms_));
     last_ms_ = ms;
     body.way.tell(told, world);
@@ -428,6 +429,7 @@ class FilmBus {
             onlooker_->see(name->second, body.motion.pose, message.received_ns);
         }
     } else if (samples.is<wire::SplitBatchMessage>(message)) {
+      if (wire::peer_of(partition) == 0) return;
       Peer& peer = peers_[partition];
       if (peer.bytes > 0 && ms >= peer.bytes_ms + kLeastByteStep_ms) peer.tell_bytes();
       if (peer.bytes == 0) peer.bytes_ms = ms;

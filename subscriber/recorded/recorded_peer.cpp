@@ -514,7 +514,9 @@ class Hands {
     if (const auto header = samples_.read<wire::MeshHeader>(message)) {
       sources_.take(*header);
     } else if (samples_.is<wire::SplitBatchMessage>(message)) {
-      RecordedPeer* peer = peer_of(recording_.writers()[message.writer].partition);
+      const std::string& partition = recording_.writers()[message.writer].partition;
+      if (wire::peer_of(partition) == 0) return;  // whatever its writer called it
+      RecordedPeer* peer = peer_of(partition);
       if (peer == nullptr) return;
       auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
       if (!batch.is_ok()) return;

@@ -48,7 +48,7 @@ class MissedSamples {
       if (!read) return;
       if constexpr (std::is_same_v<Message, wire::SplitBatchMessage>)
         who = wire::partition_of(read->publisher) + " to " +
-              recording_.writers()[message.writer].partition;
+              wire::partition_of(wire::peer_of(recording_.writers()[message.writer].partition));
       else if constexpr (requires(const Message& m) { m.peer; })
         who = wire::partition_of(read->peer);
       else if constexpr (requires(const Message& m) { m.publisher; })

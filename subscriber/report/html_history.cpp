@@ -57,6 +57,7 @@ class Gatherer {
   void take(const RecordedMessage& message) {
     if (samples_.is<wire::SplitBatchMessage>(message)) {
       const std::string& partition = recording_.writers()[message.writer].partition;
+      if (wire::peer_of(partition) == 0) return;
       bin_of(peer_of(partition), seconds_of(message)).bytes += message.cdr.size();
       bytes_[partition] += message.cdr.size();
     } else if (const auto report = samples_.read<wire::ContactReport>(message)) {

@@ -314,6 +314,16 @@ TEST(RtpsCheck, RefusesHandshakesOfTwo) {
   EXPECT_EQ(reason(handshake(2, {"alice"}).bytes), "source");
 }
 
+// One who is asked for a passphrase sits at the terminal of whoever was only spoken to.
+TEST(RtpsCheck, RefusesCertificatesThatAskForAPassphrase) {
+  const std::string head = "-----BEGIN CERTIFICATE-----\n", rest = " 4,ENCRYPTED\n\nAAAA\n";
+  EXPECT_EQ(reason(handshake(1, {head + "Proc-Type:" + rest}).bytes), "parameters");
+  // OpenSSL leaves out what follows a zero in a line, and the line's end.
+  EXPECT_EQ(reason(handshake(1, {head + "Proc-" + std::string(1, 0) + "\nType:" + rest}).bytes),
+            "parameters");
+  EXPECT_EQ(reason(handshake(1, {head + "AAAA\n-----END CERTIFICATE-----\n"}).bytes), "");
+}
+
 TEST(RtpsCheck, TellsWhoLeaves) {
   Rtps m = message();
   m.farewell(9);

@@ -69,6 +69,11 @@ TEST(Ros2Messages, TransformsAreReadAsTheyWereWritten) {
   }
 }
 
+TEST(Ros2Messages, StampsBeforeTheEpochAreReadAsTheyWereWritten) {
+  for (const std::int64_t stamp_ns : {-1LL, -1'500'000'000LL, -2'000'000'000LL, 0LL})
+    EXPECT_EQ(read_tf_message(tf_message(stamp_ns, {{"rover", {}}})).value()[0].stamp_ns, stamp_ns);
+}
+
 TEST(Ros2Messages, PosesAreReadInEitherByteOrder) {
   const Bytes little = pose_stamped("world", {1, 2, 3, 0, 0, 0, 1});
   Bytes big = little;

@@ -2,6 +2,7 @@
 #include "idl/security/security.hpp"
 
 #include <gtest/gtest.h>
+#include <openssl/ui.h>
 #include <sys/stat.h>
 
 #include <filesystem>
@@ -175,6 +176,39 @@ TEST_F(Security, MissingFile) {
 TEST_F(Security, GarbageInPlaceOfACertificate) {
   write(alice + "/cert.pem", "garbage");
   expect_only_fault("cert.pem", "cannot be read");
+}
+
+// A handshake of a stranger, too, may hold bytes that say that they are encrypted.
+TEST_F(Security, NobodyIsAskedForAPassphrase) {
+  static int asked;
+  asked = 0;
+  UI_METHOD* const counting = UI_create_method("counts who asks");
+  UI_method_set_opener(counting, [](UI*) {
+    ++asked;
+    return 0;
+  });
+  UI_set_default_method(counting);
+  const auto locked = [](const std::string& kind) {
+    return "-----BEGIN " + kind + "-----\nProc-Type: 4,ENCRYPTED\nDEK-Info: AES-128-CBC," +
+           std::string(32, 'A') + "\n\n" + std::string(64, 'A') + "\n-----END " + kind + "-----\n";
+  };
+  const std::string set = folder + "/set/serve/", certificate = locked("CERTIFICATE");
+  const auto book = IdentityBook::open(
+      {set + "identity_ca.cert.pem", set + "cert.pem", set + "identity_crl.pem"});
+  ASSERT_TRUE(book.is_ok());
+  EXPECT_FALSE(book.value()
+                   ->facts_of({reinterpret_cast<const std::uint8_t*>(certificate.data()),
+                               certificate.size()})
+                   .has_value());
+  write(alice + "/identity_crl.pem", locked("X509 CRL"));
+  expect_only_fault("identity_crl.pem", "cannot be read");
+  write(alice + "/cert.pem", certificate);
+  expect_fault("cert.pem", "cannot be read");
+  write(alice + "/key.pem", locked("EC PRIVATE KEY"));
+  expect_fault("key.pem", "cannot be read");
+  EXPECT_EQ(asked, 0);
+  UI_set_default_method(UI_OpenSSL());
+  UI_destroy_method(counting);
 }
 
 TEST_F(Security, GarbageInPlaceOfAKey) {
@@ -386,6 +420,21 @@ TEST_F(Revoking, ReplacedCertificateIsRevokedToo) {
   EXPECT_EQ(fault_of(*book, "set/alice/cert.pem"), "was revoked");
 }
 
+// Somebody's certificate that lies in a set's folder is not of the set, and may have any name.
+TEST_F(Revoking, CertificatesOfOthersDoNotHideThoseOfTheSet) {
+  fs::copy(folder + "/set/serve", folder + "/stolen");
+  auto stranger = crypto::make_identity("A Stranger", 365, std::time(nullptr), nullptr);
+  ASSERT_TRUE(stranger.is_ok());
+  write(folder + "/set/serve/cert.pem", crypto::to_pem(*stranger.value().certificate));
+  SecurityPlan again = plan();
+  again.force = true;
+  ASSERT_TRUE(make_security(folder + "/set", again).is_ok());
+  const auto report = revoke({"serve"});
+  ASSERT_TRUE(report.is_ok()) << report.status().message();
+  EXPECT_EQ(report.value().certificates.size(), 2U);
+  EXPECT_EQ(fault_of(*book_of("alice"), "stolen/cert.pem"), "was revoked");
+}
+
 TEST_F(Revoking, RunningProgramReadsTheListAgain) {
   const auto book = book_of("serve");
   EXPECT_EQ(book->refresh(), "");
@@ -446,6 +495,22 @@ TEST_F(Revoking, CertificateEndsWhenItSays) {
   EXPECT_NEAR(static_cast<double>(facts->end - std::time(nullptr)), 365.0 * 24 * 3600, 3600);
   EXPECT_EQ(book->fault_of(*facts, facts->end), "");
   EXPECT_NE(book->fault_of(*facts, facts->end + 1).find("expired on 20"), std::string::npos);
+}
+
+// An identity that was added to a set late may be valid for longer than those who vouch for it.
+TEST_F(Revoking, NobodyOutlivesTheAuthorities) {
+  SecurityPlan more = plan();
+  more.identities = {{"bob", Role::kSubscriber}};
+  more.valid_days = 1000;
+  ASSERT_TRUE(make_security(folder + "/set", more).is_ok());
+  const auto authority = crypto::read_certificate(folder + "/set/bob/identity_ca.cert.pem");
+  const auto book = book_of("bob");
+  for (const auto& facts : {facts_of(*book, "set/bob/cert.pem"), std::optional(book->own())}) {
+    ASSERT_TRUE(facts.has_value());
+    EXPECT_EQ(facts->end, crypto::end_of(*authority.value()));
+  }
+  EXPECT_EQ(describe_identity(folder + "/set/bob").substr(0, 22),
+            describe_identity(alice).substr(0, 22));
 }
 
 TEST_F(Revoking, CertificatesOfOthersAreNobodys) {

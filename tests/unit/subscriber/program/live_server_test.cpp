@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// Browsers that look on hold up nobody.
+#include "subscriber/program/live_server.hpp"
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <string>
+#include <thread>
+
+#include "core/base/stopwatch.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+sockaddr_in local(std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  return address;
+}
+
+std::uint16_t free_port() {
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address = local(0);
+  socklen_t size = sizeof address;
+  EXPECT_EQ(::bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
+  EXPECT_EQ(::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  ::close(socket);
+  return ntohs(address.sin_port);
+}
+
+/// A browser whose machine sleeps: it opens the page's socket, and reads nothing that comes.
+int sleeping_browser(std::uint16_t port) {
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  const sockaddr_in address = local(port);
+  EXPECT_EQ(::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  const std::string host = "127.0.0.1:" + std::to_string(port);
+  const std::string asked = "GET /film HTTP/1.1\r\nHost: " + host + "\r\nOrigin: http://" + host +
+                            "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                            "Sec-WebSocket-Version: 13\r\n"
+                            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+  EXPECT_EQ(::send(socket, asked.data(), asked.size(), 0), static_cast<ssize_t>(asked.size()));
+  return socket;
+}
+
+// Else each later message waits for it again, and so does all that `watch` shows.
+TEST(LiveServer, WhoDoesNotReadIsLeft) {
+  const std::uint16_t port = free_port();
+  const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");
+  ASSERT_TRUE(server.is_ok()) << server.status().message();
+  const int browser = sleeping_browser(port);
+  const std::string film(std::size_t{32} << 20, 'x');  // more than any socket keeps
+  const auto seconds_of_sending = [&] {
+    const Stopwatch clock;
+    server.value()->send([&](const auto& visit) { visit("world", film); }, "{}");
+    return clock.seconds();
+  };
+  const Stopwatch waiting;
+  while (seconds_of_sending() < 1) {
+    ASSERT_LT(waiting.seconds(), 60) << "no browser came";
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_LT(seconds_of_sending(), 1);
+  ::close(browser);
+}
+
+}  // namespace
+}  // namespace nearmesh::subscriber::program
