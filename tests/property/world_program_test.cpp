@@ -367,6 +367,40 @@ TEST_F(WorldProgram, AnswersAsTheMergedMeshDoes) {
   EXPECT_LT(tiles, 90 * 20) << "of more than 100";
 }
 
+// A ball of many tiles inside a solid ball, and next to it.
+TEST_F(WorldProgram, CheckLooksForTilesInsideASolidBody) {
+  ASSERT_EQ(model("generate sphere --size 12 -o " + path("s.ply")).code, 0);
+  const json world = parse(
+      model("build-world " + path("s.ply") + " --cell 0.001 --faces 60 --json -o " + path("w")));
+  EXPECT_GT(world.at("tiles").get<int>(), 2);
+  const json solid =
+      parse(model("build " + path("s.ply") + " --scale 3 --json -o " + path("big.spm")));
+  const auto check = [&](const char* status, int east_m, bool is_world_a) {
+    const std::string w = is_world_a ? "a" : "b", s = is_world_a ? "b" : "a";
+    const json line = {{w, "rock"},
+                       {s, "lake"},
+                       {"model_" + w, "w"},
+                       {"model_" + s, "big"},
+                       {"content_" + w, world.at("world")},
+                       {"content_" + s, solid.at("content_hash")},
+                       {"solid_" + s, true},
+                       {"status", status},
+                       {"contained", w + "_in_" + s},
+                       {"pairs", 0},
+                       {"pose_" + w, {1, 0, 0, 0, 1, 0, 0, 0, 1, east_m, 0, 0}},
+                       {"pose_" + s, {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0}}};
+    std::ofstream(path("a.jsonl")) << line.dump() << '\n';
+    return model("check " + path("w") + " " + path("big.spm") + " --answers " + path("a.jsonl"))
+        .code;
+  };
+  for (const bool is_world_a : {true, false}) {
+    EXPECT_EQ(check("contained", 0, is_world_a), 0);
+    EXPECT_EQ(check("free", 0, is_world_a), 256);
+    EXPECT_EQ(check("contained", 9, is_world_a), 256);
+    EXPECT_EQ(check("free", 9, is_world_a), 0);
+  }
+}
+
 TEST_F(WorldProgram, SaysWhatIsWrong) {
   const auto says = [](const Ended& ended, const std::string& what) {
     EXPECT_EQ(ended.code, 256);
