@@ -16,6 +16,7 @@
 #include "core/spm/encode_model_file.hpp"
 #include "core/spm/file_layout.hpp"
 #include "import_options.hpp"
+#include "json_line.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -100,7 +101,7 @@ void print_json(const Outcome& o) {
                                    {"peak_memory_bytes", peak_memory_bytes()}};
   add_json(o.measures, report);
   if (o.terrain) report["terrain"] = terrain_json(*o.terrain);
-  std::printf("%s\n", report.dump().c_str());
+  print_line(report);
 }
 
 void print_text(const Outcome& o) {
@@ -304,6 +305,8 @@ Status build_nodes(const BuildOptions& options, const ImportOptions& import_opti
 }  // namespace
 
 Result<ImportOptions> import_options(const BuildOptions& options) {
+  if (std::isnan(options.cell_m))
+    return Status(StatusCode::kInvalidArgument, "--cell: expected a length in metres, found nan");
   ImportOptions out{.scale = options.scale, .node = options.node};
   if (!options.unit.empty()) out.unit_m = metres(options.unit);
   if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;

@@ -6,6 +6,7 @@
 #include "commands.hpp"
 #include "core/base/hash.hpp"
 #include "core/spm/coding_sets.hpp"
+#include "json_line.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -56,7 +57,7 @@ Status run(const InfoOptions& options) {
       report["lattice_origin_m"] = header.grid.lattice_origin_m();
     }
     add_json(measures, report);
-    std::printf("%s\n", report.dump().c_str());
+    print_line(report);
     return Status::ok();
   }
   std::printf("%s: nearmesh model, checksums good%s\n", options.path.c_str(),

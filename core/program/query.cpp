@@ -7,6 +7,7 @@
 #include "core/query/contacts_json.hpp"
 #include "core/world/open_tiles.hpp"
 #include "full_world.hpp"
+#include "json_line.hpp"
 #include "query_methods.hpp"
 
 namespace nearmesh::program {
@@ -148,7 +149,7 @@ Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& 
     line["pairs"] = sum.answer.pair_total;
     line["tiles"] = near.value().tiles.size();
     line["pages"] = near.value().pages;
-    std::printf("%s\n", line.dump().c_str());
+    print_line(line);
     if (std::ferror(stdout) != 0) break;  // main says so
     ++by_status[static_cast<std::size_t>(sum.answer.status)];
   }
@@ -205,7 +206,7 @@ Status run(const PoseQueryOptions& options) {
       line["position_error_m"] = contacts.position_error_m;
       line["t_contacts_us"] = std::round(answer.value().contacts_s * 1e7) / 10;
     }
-    std::printf("%s\n", line.dump().c_str());
+    print_line(line);
     if (std::ferror(stdout) != 0) break;  // main says so
     ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
   }

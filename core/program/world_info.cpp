@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "core/world/world_folder.hpp"
+#include "json_line.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
@@ -141,7 +142,7 @@ Status run(const WorldInfoOptions& options) {
                                            {"origin_m", world.lattice.origin_m},
                                            {"box_min_m", lo_m},
                                            {"box_max_m", hi_m}};
-    std::printf("%s\n", report.dump().c_str());
+    print_line(report);
     return Status::ok();
   }
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
