@@ -215,11 +215,13 @@ std::string command_of(const BuildWorldOptions& options) {
   return out;
 }
 
-/// As ninja wants names of files: with $ before blanks, colons and $.
+/// As ninja wants names of files: with $ before blanks, colons and $. It has nothing for a bar but a variable that holds one.
 std::string for_ninja(const std::string& path) {
   std::string out;
   for (const char c : fs::absolute(path).lexically_normal().string())
-    out += (c == ' ' || c == ':' || c == '$') ? std::string("$") + c : std::string(1, c);
+    out += c == '|'                           ? std::string("${bar}")
+           : c == ' ' || c == ':' || c == '$' ? std::string("$") + c
+                                              : std::string(1, c);
   return out;
 }
 std::string command_for_ninja(const std::string& command) {
@@ -230,6 +232,9 @@ std::string command_for_ninja(const std::string& command) {
 
 Status write_plan(const BuildWorldOptions& options, const WorldPlan& plan) {
   const std::string command = command_of(options);
+  if (command.find('\n') != std::string::npos)
+    return {StatusCode::kInvalidArgument,
+            "--plan: expected names without line breaks, as a line of a plan is a command"};
   const std::string threads =
       " --threads " + std::to_string(options.build.threads == 0 ? 1 : options.build.threads);
   std::string text;
@@ -246,7 +251,7 @@ Status write_plan(const BuildWorldOptions& options, const WorldPlan& plan) {
   constexpr FileKind kNinja{"a ninja file of nearmesh-model",
                             "# Written by nearmesh-model build-world"};
   text = std::string(kNinja.begins) +
-         "\nrule tile\n  command = " + command_for_ninja(command + threads) +
+         "\nbar = |\nrule tile\n  command = " + command_for_ninja(command + threads) +
          " --only $tile\n  description = tile $tile of " + std::to_string(plan.tiles.size()) +
          "\nrule pages\n  command = " + command_for_ninja(command + threads) +
          "\n  description = pages\n";
@@ -402,6 +407,8 @@ Status run(const BuildWorldOptions& options) {
         return {status.code(),
                 "tile " + std::to_string(t) + " (" + name + "): " + status.message()};
       }
+      // Pages list no tiles of two states of a file: what is noted is of this plan's.
+      NEARMESH_RETURN_IF_ERROR(check_input(options, plan, plan.tiles[t].input));
       made = result.value();
       NEARMESH_RETURN_IF_ERROR(write_note(note_path(plan, t), made.note));
       std::fprintf(stderr, "tile %zu of %zu: %s: %s %llu faces, %.2f s\n", t + 1, plan.tiles.size(),
@@ -410,7 +417,7 @@ Status run(const BuildWorldOptions& options) {
     }
     sum.add(made);
     if (options.only) {
-      if (options.build.json) std::printf("%s\n", as_json(made.note).dump().c_str());
+      if (options.build.json) print_line(as_json(made.note));
       return Status::ok();
     }
   }

@@ -106,9 +106,9 @@ Result<Answer> answer_of(const Side& a, const Side& b) {
   if (a.world != nullptr && b.world != nullptr)
     return Status{StatusCode::kUnsupported, a.name + " and " + b.name + " are both worlds"};
   if (a.world != nullptr)
-    return a.world->answer({a.pose, b.pose, b.mesh->tree.view(), true, a.name, b.name});
+    return a.world->answer({a.pose, b.pose, b.mesh->tree.view(), b.solid, true, a.name, b.name});
   if (b.world != nullptr)
-    return b.world->answer({b.pose, a.pose, a.mesh->tree.view(), false, b.name, a.name});
+    return b.world->answer({b.pose, a.pose, a.mesh->tree.view(), a.solid, false, b.name, a.name});
   const Result<PosedPair> posed =
       pose_pair(a.mesh->tree.grid, a.pose, a.name, b.mesh->tree.grid, b.pose, b.name);
   NEARMESH_RETURN_IF_ERROR(posed);

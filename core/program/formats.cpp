@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "json_line.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 
 namespace nearmesh::program {
@@ -17,7 +18,7 @@ Status run(const FormatsOptions& options) {
                       {"unit", format.unit},
                       {"up", format.up},
                       {"nodes", format.nodes}});
-    std::printf("%s\n", list.dump().c_str());
+    print_line(list);
     return Status::ok();
   }
   const auto row = [](const MeshFormat& format) {

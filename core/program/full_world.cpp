@@ -60,7 +60,8 @@ Result<Answer> FullWorld::answer(const Asked& asked) {
       find_near_tiles(*folder_, root_, posed.value(), asked.body.root().box);
   NEARMESH_RETURN_IF_ERROR(near);
   Answer sum;
-  sum.status = AnswerStatus::kFree;
+  int contained = 0;
+  bool is_certified_all = true;
   for (const WorldEntry& entry : near.value().tiles) {
     const Grid grid = folder_->world().grid_at(entry);
     const Result<const TriangleTree*> tree = tree_of(entry.content);
@@ -69,14 +70,26 @@ Result<Answer> FullWorld::answer(const Asked& asked) {
     tile.grid = &grid;
     const Result<PosedPair> in_place = pose_in(grid);
     NEARMESH_RETURN_IF_ERROR(in_place);
-    const QueryOptions options{.clearance = Clearance::kNone};
+    const QueryOptions options{.clearance = Clearance::kNone,
+                               .solid_a = asked.is_solid && !asked.is_world_a,
+                               .solid_b = asked.is_solid && asked.is_world_a};
     const Answer part =
         asked.is_world_a ? query(tile, in_place.value().a, asked.body, in_place.value().b, options)
                          : query(asked.body, in_place.value().b, tile, in_place.value().a, options);
-    if (part.status != AnswerStatus::kFree) sum.status = part.status;
+    is_certified_all &= is_certified(part.status);
+    contained |= static_cast<int>(part.contained);
     sum.pairs.insert(sum.pairs.end(), part.pairs.begin(), part.pairs.end());
   }
   sum.pair_total = sum.pairs.size();
+  // As of one mesh: what touches is told first, and what is inside only where nothing touches.
+  if (sum.pair_total > 0) {
+    sum.status = AnswerStatus::kContact;
+  } else if (!is_certified_all) {
+    sum.status = AnswerStatus::kUncertain;
+  } else {
+    sum.status = contained != 0 ? AnswerStatus::kContained : AnswerStatus::kFree;
+    sum.contained = static_cast<Containment>(contained);
+  }
   return sum;
 }
 

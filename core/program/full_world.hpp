@@ -28,11 +28,12 @@ class FullWorld {
   struct Asked {
     Pose world_pose, pose;
     TreeView body;
+    bool is_solid = false;  ///< the body; a world never is
     bool is_world_a = true;
     std::string world_name, name;  ///< for errors
   };
-  /// Status and pairs: of the first tile by place, then of the second, and so on. Cost: building a tile's tree where it is not among the last
-  /// kMostTrees.
+  /// Status, what is inside, and pairs: of the first tile by place, then of the second, and so on. Cost: building a tile's tree where it is
+  /// not among the last kMostTrees.
   [[nodiscard]] Result<Answer> answer(const Asked& asked);
 
  private:

@@ -11,6 +11,7 @@
 
 #include "core/base/digest.hpp"
 #include "core/base/output_file.hpp"
+#include "core/meshio/gdal_reader.hpp"
 #include "core/world/world_folder.hpp"
 #include "import_options.hpp"
 
@@ -47,20 +48,60 @@ Bounds bounds_of(const IndexedMesh& mesh) {
   return bounds;
 }
 
-/// Of the world that is there, where nothing else is asked for: then tiles join it.
+/// Of the world that is there, but for what is asked for: then tiles join it.
 Result<std::optional<CommonLattice>> lattice_there(const BuildWorldOptions& options) {
   const BuildOptions& build = options.build;
   const Result<WorldFolder> there = WorldFolder::open(build.out);
   if (!there.is_ok() && there.status().code() != StatusCode::kNotFound) return there.status();
-  if (there.is_ok() && build.cell_m == 0 && !options.has_lattice_origin &&
-      there.value().world().bits == build.grid_bits)
-    return std::optional(there.value().world().lattice);
-  return std::optional<CommonLattice>();
+  if (!there.is_ok() || there.value().world().bits != build.grid_bits)
+    return std::optional<CommonLattice>();
+  const CommonLattice& lattice = there.value().world().lattice;
+  return common_lattice(build.cell_m > 0 ? build.cell_m : std::ldexp(1.0, lattice.exponent),
+                        options.has_lattice_origin ? build.lattice_origin_m : lattice.origin_m);
+}
+
+/// Files that the reader of an input takes for parts of it, if they are there.
+std::vector<fs::path> parts_beside(const std::string& in) {
+  fs::path stem = in;
+  if (stem.extension() == ".gltf") return {stem.replace_extension("bin")};
+  if (!meshio::is_for_gdal(in, {})) return {};
+  std::vector<fs::path> files{in + ".aux.xml", in + ".msk"};
+  for (const char* ending : {"hdr", "prj", "tfw", "blw", "wld", "ige"})
+    files.push_back(stem.replace_extension(ending));
+  return files;
+}
+
+/// What tells an input from another state of it: a digest of its path, and of its parts' sizes and times. Errors: kIo.
+Result<std::string> stamp_of(const std::string& in) {
+  std::string text = fs::absolute(in).lexically_normal().string();  // in any encoding
+  const auto add = [&text](const fs::path& file) {
+    std::error_code error;
+    const auto size = fs::file_size(file, error);
+    const auto time = error ? fs::file_time_type() : fs::last_write_time(file, error);
+    text += '\n';  // one line each, also where there is none
+    if (!error)
+      text += std::to_string(size) + ' ' + std::to_string(time.time_since_epoch().count());
+    return error;
+  };
+  if (const std::error_code error = add(in); error)
+    return Status(StatusCode::kIo, in + ": cannot be read: " + error.message());
+  for (const fs::path& file : parts_beside(in)) add(file);
+  return to_hex(digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+}
+
+Result<std::vector<std::string>> stamps_of(const std::vector<std::string>& inputs) {
+  std::vector<std::string> stamps;
+  for (const std::string& in : inputs) {
+    Result<std::string> stamp = stamp_of(in);
+    NEARMESH_RETURN_IF_ERROR(stamp);
+    stamps.push_back(std::move(stamp).value());
+  }
+  return stamps;
 }
 
 /// Where a plan is kept, by what it depends on.
-Result<fs::path> folder_of(const BuildWorldOptions& options,
-                           const std::optional<CommonLattice>& there) {
+fs::path folder_of(const BuildWorldOptions& options, const std::vector<std::string>& inputs,
+                   const std::optional<CommonLattice>& there) {
   // Another first number where the same plan gives other tiles: its notes say what became of them.
   const BuildOptions& build = options.build;
   json parts = {3,
@@ -81,15 +122,7 @@ Result<fs::path> folder_of(const BuildWorldOptions& options,
                 build.raw};
   if (options.has_lattice_origin) parts.push_back(build.lattice_origin_m);
   if (there) parts.push_back({"joins", there->exponent, there->origin_m});
-  for (const std::string& in : options.in) {
-    std::error_code error;
-    const auto size = fs::file_size(in, error);
-    if (error) return Status(StatusCode::kIo, in + ": cannot be read: " + error.message());
-    const auto time = fs::last_write_time(in, error);
-    if (error) return Status(StatusCode::kIo, in + ": cannot be read: " + error.message());
-    parts.push_back({fs::absolute(in).lexically_normal().string(), size,
-                     static_cast<std::int64_t>(time.time_since_epoch().count())});
-  }
+  parts.push_back(inputs);
   const std::string text = parts.dump();
   const ContentHash name =
       digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
@@ -302,28 +335,40 @@ std::vector<std::vector<std::uint32_t>> cut_mesh(const IndexedMesh& mesh, int ex
 Result<WorldPlan> plan_world(const BuildWorldOptions& options) {
   const Result<std::optional<CommonLattice>> there = lattice_there(options);
   NEARMESH_RETURN_IF_ERROR(there);
+  Result<std::vector<std::string>> inputs = stamps_of(options.in);
+  NEARMESH_RETURN_IF_ERROR(inputs);
   // First the plan that chose a lattice: as long as the world has that one, this is the plan that joins it, too.
   fs::path folder;
   for (const std::optional<CommonLattice>& joins :
        {std::optional<CommonLattice>(), there.value()}) {
-    const Result<fs::path> its = folder_of(options, joins);
-    NEARMESH_RETURN_IF_ERROR(its);
-    folder = its.value();
+    folder = folder_of(options, inputs.value(), joins);
     std::optional<WorldPlan> kept = read_plan((folder / "plan.json").string());
     if (!kept || (there.value() && kept->lattice != *there.value())) continue;
     kept->folder = folder.string();
+    kept->inputs = std::move(inputs).value();
     return *std::move(kept);
   }
   const std::string path = (folder / "plan.json").string();
   Result<WorldPlan> plan = make_plan(options);
   NEARMESH_RETURN_IF_ERROR(plan);
   plan.value().folder = folder.string();
+  plan.value().inputs = std::move(inputs).value();
+  for (std::uint32_t i = 0; i < options.in.size(); ++i)
+    NEARMESH_RETURN_IF_ERROR(check_input(options, plan.value(), i));
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
     return Status(StatusCode::kIo, folder.string() + ": cannot create: " + error.message());
   NEARMESH_RETURN_IF_ERROR(write_file(path, kPlanFile, as_json(plan.value()).dump(), options.in));
   return plan;
+}
+
+Status check_input(const BuildWorldOptions& options, const WorldPlan& plan, std::uint32_t input) {
+  const Result<std::string> now = stamp_of(options.in[input]);
+  NEARMESH_RETURN_IF_ERROR(now);
+  if (now.value() == plan.inputs[input]) return Status::ok();
+  return {StatusCode::kConflict,
+          options.in[input] + ": has changed while it was read; run the command again"};
 }
 
 Result<ImportedMesh> TileSource::read(const TileJob& job) {

@@ -21,12 +21,19 @@ struct TileJob {
 
 struct WorldPlan {
   std::string folder;  ///< of its own, for what becomes of its tiles
+  std::vector<std::string>
+      inputs;  ///< what they were before they were read: digests of paths, sizes and times
   CommonLattice lattice;
   std::vector<TileJob> tiles;
 };
 
 /// The plan that is kept, or a new one, which is then kept. Errors: those of reading an input, naming it.
 [[nodiscard]] Result<WorldPlan> plan_world(const BuildWorldOptions& options);
+
+/// After something was read of an input: is it still that of the plan? Else tiles of one world would come from two states of a file. Errors:
+/// kConflict, naming it.
+[[nodiscard]] Status check_input(const BuildWorldOptions& options, const WorldPlan& plan,
+                                 std::uint32_t input);
 
 /// Hands out the meshes of tiles. Holds one input at a time: of a grid a window, of a mesh all.
 class TileSource {

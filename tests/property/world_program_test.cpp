@@ -299,6 +299,71 @@ TEST_F(WorldProgram, APlansCommandsMakeTheSameWorld) {
   EXPECT_NE(text.find("--only $tile"), std::string::npos);
 }
 
+// The first tile is reported, then the grid changes; the pipe holds fewer lines than the 1,200 tiles have, so not all of them were read before.
+TEST_F(WorldProgram, AnInputThatChangesWhileItIsReadMakesNoWorld) {
+  const Ended ended =
+      run_command("{ " + program() + " build-world " + raw_flags() + " --faces 2 -o " + path("w") +
+                  " 2>&1 > /dev/null || echo failed; } | { read -r line; printf xy >> " +
+                  path("hill.raw") + "; cat; }");
+  EXPECT_NE(ended.out.find("hill.raw: has changed while it was read"), std::string::npos);
+  EXPECT_NE(ended.out.find("failed"), std::string::npos);
+  EXPECT_FALSE(fs::exists(path("w") + "/world.nmw"));
+}
+
+// A glTF keeps its places in a file beside it.
+TEST_F(WorldProgram, AChangedFileBesideAnInputIsAChangedInput) {
+  std::ofstream(path("s.gltf"))
+      << R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "buffers": [{"uri": "s.bin", "byteLength": 36}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]})";
+  std::set<std::string> worlds;
+  for (const float x : {2.0F, 1.0F}) {
+    const float places[9] = {0, 0, 0, x, 0, 0, 0, 1, 0};
+    std::ofstream(path("s.bin"), std::ios::binary)
+        .write(reinterpret_cast<const char*>(places), sizeof places);
+    worlds.insert(parse(model("build-world " + path("s.gltf") + " -o " + path("w") + " --json"))
+                      .at("world")
+                      .get<std::string>());
+  }
+  EXPECT_EQ(worlds.size(), 2U);
+}
+
+TEST_F(WorldProgram, CellOrOriginAloneLeaveTheRestOfTheLatticeThatIsThere) {
+  const std::string command = "build-world " + raw_flags() + " -o " + path("w") + " --json";
+  const json first = parse(model(command + " --cell 0.01"));
+  {
+    std::fstream raw(path("hill.raw"), std::ios::binary | std::ios::in | std::ios::out);
+    raw.put(0).put(20);  // far above all that was there, whose middle was the origin
+  }
+  const json crater = parse(model(command + " --cell 0.01"));
+  EXPECT_NE(crater.at("world"), first.at("world"));
+  EXPECT_EQ(crater.at("origin_m"), first.at("origin_m"));
+  const json moved = parse(model(command + " --lattice-origin=1,2,3"));
+  EXPECT_EQ(moved.at("cell_m"), first.at("cell_m"));
+  EXPECT_EQ(moved.at("origin_m"), json({1.0, 2.0, 3.0}));
+}
+
+// Bytes that are no UTF-8, and all that a shell or ninja reads in its own way.
+TEST_F(WorldProgram, NamesOfFilesMayHoldAnyBytes) {
+  const std::string odd = path("h\xe4 $x: a|b \"c");
+  fs::create_directories(odd);
+  fs::copy(path("hill.asc"), odd + "/hill.asc");
+  const std::string flags = "build-world '" + odd + "/hill.asc' --crs file --faces 800";
+  const json direct = parse(model(flags + " --json -o '" + odd + "/w'"));
+  EXPECT_EQ(parse(model("info --json '" + odd + "/w'")).at("world"), direct.at("world"));
+  parse(model("build '" + odd + "/hill.asc' --crs file --json -o '" + odd + "/one.spm'"));
+  parse(model("info --json '" + odd + "/one.spm'"));
+  EXPECT_NE(model(flags + " -o '" + path("a\nb") + "' --plan " + path("jobs.txt")).code, 0);
+  if (std::system("ninja --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no ninja";
+  ASSERT_EQ(model(flags + " -o '" + odd + "/v' --plan " + path("jobs.ninja")).code, 0);
+  EXPECT_EQ(run_command("ninja -C " + folder_ + " -f jobs.ninja").code, 0);
+  EXPECT_EQ(run_command("ninja -C " + folder_ + " -f jobs.ninja -n").out.find("tile"),
+            std::string::npos)
+      << "all is made";
+  EXPECT_EQ(parse(model("info --json '" + odd + "/v'")).at("world"), direct.at("world"));
+}
+
 /// Of the hill's frame: one pose a line, with the same poses of both bodies turned and moved together.
 void write_poses(const std::string& path, int count) {
   Random random(12);
@@ -367,6 +432,40 @@ TEST_F(WorldProgram, AnswersAsTheMergedMeshDoes) {
   EXPECT_LT(tiles, 90 * 20) << "of more than 100";
 }
 
+// A ball of several tiles inside a solid ball, and next to it.
+TEST_F(WorldProgram, CheckLooksForTilesInsideASolidBody) {
+  ASSERT_EQ(model("generate sphere --size 12 -o " + path("s.ply")).code, 0);
+  const json world = parse(
+      model("build-world " + path("s.ply") + " --cell 0.001 --faces 60 --json -o " + path("w")));
+  EXPECT_GE(world.at("tiles").get<int>(), 2);
+  const json solid =
+      parse(model("build " + path("s.ply") + " --scale 3 --json -o " + path("big.spm")));
+  const auto check = [&](const char* status, int east_m, bool is_world_a) {
+    const std::string w = is_world_a ? "a" : "b", s = is_world_a ? "b" : "a";
+    const json line = {{w, "rock"},
+                       {s, "lake"},
+                       {"model_" + w, "w"},
+                       {"model_" + s, "big"},
+                       {"content_" + w, world.at("world")},
+                       {"content_" + s, solid.at("content_hash")},
+                       {"solid_" + s, true},
+                       {"status", status},
+                       {"contained", w + "_in_" + s},
+                       {"pairs", 0},
+                       {"pose_" + w, {1, 0, 0, 0, 1, 0, 0, 0, 1, east_m, 0, 0}},
+                       {"pose_" + s, {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0}}};
+    std::ofstream(path("a.jsonl")) << line.dump() << '\n';
+    return model("check " + path("w") + " " + path("big.spm") + " --answers " + path("a.jsonl"))
+        .code;
+  };
+  for (const bool is_world_a : {true, false}) {
+    EXPECT_EQ(check("contained", 0, is_world_a), 0);
+    EXPECT_EQ(check("free", 0, is_world_a), 256);
+    EXPECT_EQ(check("contained", 9, is_world_a), 256);
+    EXPECT_EQ(check("free", 9, is_world_a), 0);
+  }
+}
+
 TEST_F(WorldProgram, SaysWhatIsWrong) {
   const auto says = [](const Ended& ended, const std::string& what) {
     EXPECT_EQ(ended.code, 256);
@@ -380,6 +479,7 @@ TEST_F(WorldProgram, SaysWhatIsWrong) {
   says(model("build-world " + raw_flags() + " --only 99 -o " + path("w")),
        "expected a tile below 1");
   says(model("info " + folder_), "world.nmw");
+  says(model("build-world " + raw_flags() + " --cell nan -o " + path("w")), "--cell");
   const std::string world = path("v");
   ASSERT_EQ(model("build-world " + raw_flags() + " --faces 100 -o " + world).code, 0);
   const std::string page = fs::directory_iterator(world + "/pages")->path().string();
