@@ -4,6 +4,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <set>
 
@@ -130,7 +131,7 @@ std::string why_too_fast(const std::vector<Motion>& motions, double max_speed_mp
   if (max_speed_mps <= 0) return {};
   for (std::size_t row = 0; row < motions.size(); ++row) {
     const auto& v = motions[row].linear_velocity_mps;
-    const double speed_mps = std::hypot(v[0], v[1], v[2]);
+    const double speed_mps = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     // Its places are rounded, and their differences are.
     if (speed_mps > max_speed_mps * (1 + 1e-6))
       return "frame " + std::to_string(row) + " goes at " + std::to_string(speed_mps) +

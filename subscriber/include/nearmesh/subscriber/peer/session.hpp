@@ -62,8 +62,7 @@ struct SessionOptions {
   double promise_s = 8;
   /// The look-ahead is widened by this on all sides, so that detail also comes where bodies pass this near. Metres, 0 to 1e9.
   double margin_m = 0;
-  double sweep_s =
-      0;  ///< also answer for all of this time ahead; seconds, 1e-9 to 3600; 0: do not
+  double sweep_s = 0;  ///< also answer for all of this time ahead; seconds, 1e-9 to 3600; 0: do not
   /// Batches that may be under way to this peer; 2000 or more. Twice as much overran the default socket buffer, and 12 % were sent again.
   std::uint32_t window_bytes = 64 * 1024;
   /// A request without an answer is repeated after this, of another publisher where there is one. Seconds, 1e-4 to 3600.
