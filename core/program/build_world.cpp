@@ -417,7 +417,7 @@ Status run(const BuildWorldOptions& options) {
     }
     sum.add(made);
     if (options.only) {
-      if (options.build.json) print_line(as_json(made.note));
+      if (options.build.json) std::printf("%s\n", text_of(as_json(made.note)).c_str());
       return Status::ok();
     }
   }

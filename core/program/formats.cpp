@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
-#include "json_line.hpp"
+#include "json_text.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 
 namespace nearmesh::program {
@@ -18,7 +18,7 @@ Status run(const FormatsOptions& options) {
                       {"unit", format.unit},
                       {"up", format.up},
                       {"nodes", format.nodes}});
-    print_line(list);
+    std::printf("%s\n", text_of(list).c_str());
     return Status::ok();
   }
   const auto row = [](const MeshFormat& format) {

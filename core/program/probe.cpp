@@ -5,7 +5,7 @@
 
 #include "commands.hpp"
 #include "core/base/csv.hpp"
-#include "json_line.hpp"
+#include "json_text.hpp"
 #include "nearmesh/core/query/probe.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/world/world_probe.hpp"
@@ -48,7 +48,7 @@ ordered_json to_json(const RayAnswer& answer) {
 }
 
 Status print(const std::vector<ordered_json>& lines) {
-  for (const ordered_json& line : lines) print_line(line);
+  for (const ordered_json& line : lines) std::printf("%s\n", text_of(line).c_str());
   return Status::ok();  // main says where that failed
 }
 

@@ -228,7 +228,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", options.seed, "of the flights");
   app.add_option("--seconds", options.seconds, "simulated, in real time")
       ->check(CLI::Range(0.01, 1e6));
-  app.add_option("--budget-ms", options.budget_ms, "of a step for taking in detail")
+  app.add_option("--budget-ms", options.budget_ms, "of a step for all of an update")
       ->check(CLI::Range(0.0, 10.0));
   app.add_option("--wait-s", options.wait_s, "wait so long for certainty before the first step")
       ->check(CLI::Range(0.0, 3600.0));

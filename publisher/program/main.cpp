@@ -59,7 +59,7 @@ void add_serve_command(CLI::App& app, Action& chosen) {
 void add_replay_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "replay",
-      "Play a recorded session (nearmesh-subscriber record) into a live domain, "
+      "Play a recording (nearmesh-subscriber record) into a live domain, "
       "as it was. Peers that join are answered "
       "with the detail that recorded peers had been sent by then. Obeys lines "
       "of standard input: pause (and again: go on), step (to the next pose), "
@@ -67,8 +67,7 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<ReplayOptions>();
   options->transport.prefix.clear();  // as recorded
   command
-      ->add_option("session", options->path,
-                   "Recorded session (.db3, the first of its files, or .mcap)")
+      ->add_option("recording", options->path, "Recording (.db3, the first of its files, or .mcap)")
       ->required();
   command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
       ->capture_default_str()
@@ -166,7 +165,7 @@ int main(int argc, char** argv) {
   using namespace nearmesh::publisher::program;
   nearmesh::wire::program::
       stop_on_signals();  // first: whoever stops it while it starts shall see it end well
-  CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
+  CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recordings.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
   nearmesh::Action chosen;

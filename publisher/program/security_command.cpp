@@ -18,7 +18,8 @@ Status revoke(const MakeSecurityOptions& options) {
   if (report.value().certificates.empty()) std::printf("all of these were revoked already\n");
   for (const std::string& file : report.value().files)
     std::printf("%s: copy it to that identity's folder on its machine\n", file.c_str());
-  std::printf("running programs read it within a minute, and need no restart\n");
+  std::printf(
+      "running programs read it within identity_period_s (10 s unless set), and need no restart\n");
   return Status::ok();
 }
 

@@ -26,6 +26,7 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   wire::program::add_bus_flags(command, settings, transport, {kRooms.begin(), kRooms.end()});
 }
 
+constexpr const char* kRecording = "Recording (.db3, the first of its files, or .mcap)";
 constexpr const char* kRos2Group = "ROS 2 (docs/ros2.md)";
 
 void add_ros2_options(CLI::App& command, Ros2Showing& options, const char* frame_help) {
@@ -102,15 +103,15 @@ void add_record_command(CLI::App& app, Action& chosen) {
                    "End at this size of the file, in bytes or as 100MB")
       ->transform(CLI::AsSizeValue(true));
   command->add_flag("--split", options->split,
-                    "At --max-size go on in another file: SESSION_1.db3 and so on");
+                    "At --max-size go on in another file: for flight.db3 flight_1.db3 and so on");
   add_transport_options(*command, options->transport);
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 void add_info_command(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("info", "What is in a recorded session.");
+  CLI::App* command = app.add_subcommand("info", "What is in a recording.");
   const auto options = std::make_shared<InfoOptions>();
-  command->add_option("session", options->path, "Recorded session (.db3)")->required();
+  command->add_option("recording", options->path, kRecording)->required();
   command->add_flag("--json", options->json, "As JSON");
   command->callback(
       [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
@@ -118,14 +119,17 @@ void add_info_command(CLI::App& app, Action& chosen) {
 
 void add_verify_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
-      "verify", "Run a recorded session again, offline, and compare states and answers.");
+      "verify", "Compute each answer of a recording again, offline, and compare.");
   command->footer(
-      "Exit codes. 0: every answer was proved. 1: answers are different, or the recording cannot "
-      "be "
-      "read. 2: wrong usage. 3: none is different, but some could not be proved. 4: none is "
-      "different, but reports are malformed or missing, or there is none at all.");
+      "Exit codes. 0: every answer was proved. 1: answers are different, a report of what is free "
+      "by "
+      "bounds is wrong, a promise was broken, or the recording cannot be read. 2: wrong usage. 3: "
+      "none "
+      "is different, but some could not be proved. 4: none is different, but reports are malformed "
+      "or "
+      "missing, or there is none at all.");
   const auto options = std::make_shared<VerifyOptions>();
-  command->add_option("session", options->path, "Recorded session (.db3)")->required();
+  command->add_option("recording", options->path, kRecording)->required();
   command->add_option("--threads", options->threads, "Peers are spread over so many")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
@@ -144,7 +148,7 @@ void add_verify_command(CLI::App& app, Action& chosen) {
 void add_export_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "export",
-      "Write a recorded session for programs of others: .mcap for viewers of robotics, .glb as "
+      "Write a recording for programs of others: .mcap for viewers of robotics, .glb as "
       "an animation; or a moment of it as a mesh file, .ply or .glb.");
   command->footer(
       "An .mcap file holds the whole recording, so info, verify and replay read it; and what ROS "
@@ -153,12 +157,12 @@ void add_export_command(CLI::App& app, Action& chosen) {
       "mesh, from 1/8192 to 1/8 of the model's size. Magenta: contact. How to open them in "
       "Foxglove, MeshLab, ParaView and Blender: docs/sessions.md.");
   const auto options = std::make_shared<ExportOptions>();
-  command->add_option("session", options->session, "Recorded session (.db3 or .mcap)")->required();
+  command->add_option("recording", options->session, kRecording)->required();
   command
       ->add_option(
           "--time", options->time_s,
           "This moment, seconds after the first message: the last answer until then, one "
-          "in contact first where there was one within a second (default: the whole session)")
+          "in contact first where there was one within a second (default: the whole recording)")
       ->check(CLI::NonNegativeNumber);
   command->add_option(
       "--peer", options->peer,
@@ -169,7 +173,7 @@ void add_export_command(CLI::App& app, Action& chosen) {
                       "Of a moment: against which (default: that of the answer)");
   command->add_option(
       "--models", options->models,
-      "Of a whole session: folder with .spm files, for peers of which the recording "
+      "Of a whole recording: folder with .spm files, for peers of which the recording "
       "lacks batches");
   command->add_option("-o,--output", options->out, "File to write, .mcap, .glb or .ply")
       ->required()
@@ -187,10 +191,9 @@ void add_export_command(CLI::App& app, Action& chosen) {
 
 void add_report_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
-      "report",
-      "Write a recorded session as one page of HTML: a moving picture of it, and charts.");
+      "report", "Write a recording as one page of HTML: a moving picture of it, and charts.");
   const auto options = std::make_shared<ReportOptions>();
-  command->add_option("session", options->session, "Recorded session (.db3)")->required();
+  command->add_option("recording", options->session, kRecording)->required();
   command->add_option("-o,--output", options->folder, "Folder for index.html; made if need be")
       ->required();
   command->callback(

@@ -313,16 +313,21 @@ void add_models(py::module_& module) {
                        nearest_b_m);
   const auto model_class =
       py::class_<Model, std::shared_ptr<Model>>(
-          module, "Model", "A .spm file. Detail is read from it when it is first needed.")
+          module, "Model",
+          "A .spm file. Detail is read from it when it is first needed. IoError where it cannot be "
+          "read, CorruptError where it is damaged, UnsupportedError for another version.")
           .def(py::init<const std::string&>(), py::arg("path"))
-          .def_property_readonly("path", [](const Model& m) { return m.file.path(); })
+          .def_property_readonly(
+              "path", [](const Model& m) { return m.file.path(); }, "As it was opened.")
           .def_property_readonly(
               "content", [](const Model& m) { return to_hex(m.file.content_hash()); },
               "Names the whole content: models with equal values are the same.")
-          .def_property_readonly("vertex_count",
-                                 [](const Model& m) { return m.file.header().vertex_count; })
-          .def_property_readonly("face_count",
-                                 [](const Model& m) { return m.file.header().face_count; })
+          .def_property_readonly(
+              "vertex_count", [](const Model& m) { return m.file.header().vertex_count; },
+              "Of the full mesh.")
+          .def_property_readonly(
+              "face_count", [](const Model& m) { return m.file.header().face_count; },
+              "Of the full mesh.")
           .def_property_readonly(
               "cell_m",
               [](const Model& m) { return std::ldexp(1.0, m.file.header().grid.exponent); },
@@ -340,7 +345,8 @@ void add_models(py::module_& module) {
              R"(Writes a progressive model of a triangle mesh to `path` and opens it.
 
 vertices (n, 3), metres; faces (m, 3), counter-clockwise seen from outside. Vertices are rounded to a grid of so many bits
-an axis, equal ones welded, double faces dropped. threads: 0 for one a core; the file is the same for any number.)");
+an axis (4 to 31), equal ones welded, double faces dropped. threads: 0 for one a core; the file is the same for any number. Some seconds a
+million faces. InvalidArgumentError names the vertex or face; ConflictError where `path` is there and is no model.)");
   py::class_<Pair>(module, "Pair", R"(Two models at hand, asked about as often as one likes.
 
 Holds what the questions so far needed of each. One question at a time; other threads of Python run meanwhile.)")
@@ -351,9 +357,14 @@ Holds what the questions so far needed of each. One question at a time; other th
           py::arg("clearance") = "bound", py::arg("any") = false, py::arg("max_tests") = py::none(),
           R"(Answers for poses (n, 4, 4), or (4, 4) that stands for all: a structured array of n rows.
 
-status: Status. certified. pairs: faces that touch, all of them. clearance_m: lower bound of the distance where free;
-clearance_share of the greatest that can be proved; distance_at_most_m: it is no more, between nearest_a_m and nearest_b_m. contained: Contained. uncertainty_m. digest: equal answers, equal digests.
-exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with what was found.)")
+status: Status. certified: True but where max_tests ended the search, or a solid has too many parts. pairs: how many pairs of faces touch.
+clearance_m: lower bound of the distance where free; clearance_share: how near it is to the greatest that can be proved; distance_at_most_m:
+it is no more, between nearest_a_m and nearest_b_m. contained: Contained. uncertainty_m: not certified, how far unseen faces may be from
+what is held. digest: equal answers, equal digests. exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with what
+was found.
+
+clearance: "none", "bound" (three quarters of what can be known) or "exact". any: stop at the first pair that touches. max_tests: None, no
+end.)")
       .def("depth", &Pair::depth, py::arg("pose_a"), py::arg("pose_b"),
            py::arg("directions") = std::vector<std::array<double, 3>>{},
            py::arg("max_tests") = kDepthTests,
@@ -361,7 +372,7 @@ exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with
            "the contacts' normals. None where nothing touches. The search ends after max_tests, of "
            "2 to 5 ns: exhausted.")
       .def("contacts", &Pair::contacts, py::arg("pose_a"), py::arg("pose_b"),
-           "Where they touch, for one pose of each.")
+           "Where they touch, for one pose (4, 4) of each: Contacts.")
       .def("faces", &Pair::faces, py::arg("pose_a"), py::arg("pose_b"),
            "Which faces touch, (n, 2) uint32: places in the arrays or files that the models were "
            "baked from.")

@@ -141,23 +141,27 @@ segments: p_m, q_m (ends of what two faces have in common), patch (index into pa
 patches: segments [first, first + count), centroid_m, normal (unit, from a to b), normal_error_rad (pi: no normal),
 length_m, normal_is_of_a; manifold_m: at most four points that span it, the first manifold_count of the rows, of whose hull no
 point of its segments is farther than manifold_error_m.)")
-      .def_readonly("segments", &ContactArrays::segments)
-      .def_readonly("patches", &ContactArrays::patches)
+      .def_readonly("segments", &ContactArrays::segments, "A structured array, by patch.")
+      .def_readonly("patches", &ContactArrays::patches, "A structured array.")
       .def_readonly("position_error_m", &ContactArrays::position_error_m,
                     "Every point lies within this of both faces.")
-      .def_readonly("truncated", &ContactArrays::truncated, "There are more than these.");
+      .def_readonly("truncated", &ContactArrays::truncated,
+                    "There are more than these, and patches may be torn.");
   py::class_<Depth>(
       module, "Depth",
       R"(How deep b is in a along a direction, metres: how far b has to be moved until it is free of a.
 
 Both bounds are proofs. Moved by less than at_least_m along direction, b touches a all the way; with separation_m added to the
 translation of b's pose both are certified free (at_most_m is infinite where no such place was found).)")
-      .def_property_readonly("direction",
-                             [](const Depth& depth) { return vector_of(depth.direction); })
-      .def_readonly("at_least_m", &Depth::at_least_m)
-      .def_readonly("at_most_m", &Depth::at_most_m)
-      .def_property_readonly("separation_m",
-                             [](const Depth& depth) { return vector_of(depth.separation_m); })
+      .def_property_readonly(
+          "direction", [](const Depth& depth) { return vector_of(depth.direction); },
+          "Unit vector, world frame: the way b is moved.")
+      .def_readonly("at_least_m", &Depth::at_least_m, "The depth is no less; 0: nothing is proved.")
+      .def_readonly("at_most_m", &Depth::at_most_m,
+                    "The depth is no more; infinite where no free place was found.")
+      .def_property_readonly(
+          "separation_m", [](const Depth& depth) { return vector_of(depth.separation_m); },
+          "Add it to the translation of b's pose: then both are certified free.")
       .def_property_readonly(
           "missing",
           [](const Depth& depth) { return depth.missing_a.size() + depth.missing_b.size(); },

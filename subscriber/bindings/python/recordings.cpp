@@ -121,7 +121,7 @@ void add_recordings(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(ReportRow, received_ns, peer, frame, time_s, a, b, status, certified, asked,
                        put_off, cut, pairs, clearance_m, uncertainty_m, pose_a, pose_b);
   py::class_<subscriber::RecordedBody>(module, "RecordedBody", "A body's mesh as a peer held it.")
-      .def_readonly("name", &subscriber::RecordedBody::name)
+      .def_readonly("name", &subscriber::RecordedBody::name, "As on the bus.")
       .def_property_readonly(
           "vertices",
           [](const subscriber::RecordedBody& b) { return rows_of(b.positions_world_m); },
@@ -134,20 +134,29 @@ void add_recordings(py::module_& module) {
           "Of each vertex, how far the full mesh may be from it: 0 where it is exact.");
   py::class_<subscriber::RecordedScene>(module, "RecordedScene",
                                         "What a peer held when it gave a recorded answer.")
-      .def_readonly("received_ns", &subscriber::RecordedScene::received_ns)
-      .def_property_readonly("status",
-                             [](const subscriber::RecordedScene& s) { return s.report.status; })
-      .def_property_readonly("bodies",
-                             [](const subscriber::RecordedScene& s) {
-                               return py::make_tuple(s.bodies[0], s.bodies[1]);
-                             })
-      .def_property_readonly("contacts", [](const subscriber::RecordedScene& s) {
-        return contacts_object(s.contacts);
-      });
-  py::class_<Recording>(module, "Recording", "A recorded session (.db3).")
+      .def_readonly("received_ns", &subscriber::RecordedScene::received_ns,
+                    "When the recorder got the answer, nanoseconds since 1970.")
+      .def_property_readonly(
+          "status", [](const subscriber::RecordedScene& s) { return s.report.status; },
+          "Of the answer: Status.")
+      .def_property_readonly(
+          "bodies",
+          [](const subscriber::RecordedScene& s) {
+            return py::make_tuple(s.bodies[0], s.bodies[1]);
+          },
+          "Both, as RecordedBody.")
+      .def_property_readonly(
+          "contacts",
+          [](const subscriber::RecordedScene& s) { return contacts_object(s.contacts); },
+          "Where they touch.");
+  py::class_<Recording>(
+      module, "Recording",
+      "A recording (.db3 with all its parts, or .mcap), also while it is made. NotFoundError, "
+      "CorruptError where it is none or a damaged one, UnsupportedError for another version.")
       .def(py::init<const std::string&>(), py::arg("path"))
-      .def_property_readonly("duration_s", &Recording::duration_s)
-      .def_property_readonly("models", &Recording::models, "Names by content.")
+      .def_property_readonly("duration_s", &Recording::duration_s,
+                             "From the first message to the last.")
+      .def_property_readonly("models", &Recording::models, "{content: name}.")
       .def("topics", &Recording::topics, "How many samples each topic has.")
       .def("reports", &Recording::reports,
            R"(All answers of all peers in order, and the names of bodies: (structured array, list).
@@ -156,8 +165,8 @@ Fields: received_ns, peer, frame, time_s, a and b (indices into the names), stat
 of budget), cut (by the peer's own max_tests, max_pairs or any), pairs, clearance_m, uncertainty_m, pose_a and pose_b (4, 4).)")
       .def("scene", &Recording::scene, py::kw_only(), py::arg("received_ns") = py::none(),
            py::arg("body") = "", py::arg("other") = "",
-           "Meshes and contacts of the last answer until a time, of any pair, or of one body, or "
-           "of two.");
+           "Meshes and contacts of the last answer until a time (nanoseconds since 1970; None: the "
+           "end), of any pair, or of one body, or of two. NotFoundError where there is none.");
 }
 
 }  // namespace nearmesh::python

@@ -278,11 +278,18 @@ void add_frame(py::module_& module) {
   py::class_<subscriber::FreeByBounds>(
       module, "FreeByBounds",
       "Of all pairs that are not listed: boxes prove them apart. Certified.")
-      .def_readonly("pairs", &subscriber::FreeByBounds::pairs)
-      .def_readonly("clearance_m", &subscriber::FreeByBounds::clearance_m)
-      .def_readonly("horizon_s", &subscriber::FreeByBounds::horizon_s)
-      .def_readonly("digest", &subscriber::FreeByBounds::digest);
-  py::class_<FrameReport>(module, "FrameReport", "What one update did.")
+      .def_readonly("pairs", &subscriber::FreeByBounds::pairs, "How many.")
+      .def_readonly("clearance_m", &subscriber::FreeByBounds::clearance_m,
+                    "The bodies of each pair are at least so far apart at this frame's poses.")
+      .def_readonly("horizon_s", &subscriber::FreeByBounds::horizon_s,
+                    "So long after the frame's time none of them can touch, if the bodies keep "
+                    "within their speeds.")
+      .def_readonly("digest", &subscriber::FreeByBounds::digest,
+                    "Equal on peers that know the same bodies at the same places.");
+  py::class_<FrameReport>(
+      module, "FrameReport",
+      "What one update did and said. Rows of answers are numbered from 0; IndexError beyond them. "
+      "Times are wall clock of the update, seconds.")
       .def_property_readonly(
           "answers",
           [](const FrameReport& report) {
@@ -291,13 +298,15 @@ void add_frame(py::module_& module) {
             for (const PairAnswer& pair : report.answers) rows.push_back(row_of(pair));
             return rows_of(rows);
           },
-          "A structured array: a, b (bodies), status (Status), certified, asked, pairs, "
-          "clearance_m and distance_at_most_m (the distance lies between), nearest_a_m, "
-          "nearest_b_m, "
-          "safe_horizon_s, ...; put_off where a pair's turn did not come within the "
-          "budget, with last_status (255: none), last_age_s, last_clearance_m and last_safe_s of "
-          "its "
-          "last certified answer")
+          R"(A structured array: a row for each pair that is watched by name or may be near.
+
+a, b: numbers of the bodies. status: Status. certified: free, contact or contained. asked: headers and fresh poses were there. contained: Contained.
+pairs: faces that touch. clearance_m, distance_at_most_m: the distance lies between; clearance_share: how near the first is to the greatest that can
+be proved. nearest_a_m, nearest_b_m: points of both that are distance_at_most_m apart, where that is positive and finite. uncertainty_m: not
+certified, how far unseen faces may be from what is held. safe_horizon_s: so long nothing can touch, if the bodies keep within their speeds.
+age_a_s, age_b_s: of the poses. pose_a, pose_b (4, 4): what was asked about; meaningless unless asked. digest: equal answers, equal digests.
+exhausted: the search was ended by max_tests. put_off: its turn did not come within the budget; then last_status (255: none), last_age_s,
+last_clearance_m and last_safe_s tell of its last certified answer. docs/answers.md has what each promises.)")
       .def_property_readonly(
           "reasons",
           [](const FrameReport& report) {
@@ -390,7 +399,8 @@ void add_frame(py::module_& module) {
           "The row of two bodies, in either order; None where it is not listed.")
       .def_property_readonly("all_certified", &FrameReport::all_certified,
                              "Of all pairs, listed or not.")
-      .def_readonly("free_by_bounds", &FrameReport::free_by_bounds)
+      .def_readonly("free_by_bounds", &FrameReport::free_by_bounds,
+                    "With watch_all() or watch_own(): the pairs that are not listed, all free.")
       .def_property_readonly(
           "unknown",
           [](const FrameReport& report) {
@@ -399,21 +409,24 @@ void add_frame(py::module_& module) {
               unknown.emplace_back(body.body.value, body.reason);
             return unknown;
           },
-          "Bodies of which nothing can be said, and why.")
-      .def_readonly("unknown_pairs", &FrameReport::unknown_pairs)
+          "With watch_all() or watch_own(): bodies of which nothing can be said, and why. None of "
+          "their pairs is certified.")
+      .def_readonly("unknown_pairs", &FrameReport::unknown_pairs,
+                    "Pairs that are not listed because one of the two is unknown: uncertain.")
       .def_readonly("complaints", &FrameReport::complaints, "One line each, for a log.")
-      .def_readonly("state_digest", &FrameReport::state_digest)
+      .def_readonly("state_digest", &FrameReport::state_digest,
+                    "Of the detail that is held: equal on peers that were sent the same.")
       .def_readonly("answers_digest", &FrameReport::answers_digest,
                     "Equal on peers that hold and ask the same.")
       .def_readonly("pairs_put_off", &FrameReport::pairs_put_off,
                     "Rows of answers that are, for want of budget.")
       .def_readonly("batches_waiting", &FrameReport::batches_waiting,
-                    "Detail that is left over for want of budget.")
-      .def_readonly("query_s", &FrameReport::query_s)
-      .def_readonly("load_s", &FrameReport::load_s)
-      .def_readonly("refine_s", &FrameReport::refine_s)
-      .def_readonly("tree_s", &FrameReport::tree_s)
-      .def_readonly("broad_s", &FrameReport::broad_s);
+                    "Messages of detail that are left over for want of budget.")
+      .def_readonly("query_s", &FrameReport::query_s, "Answering, the sum over pairs.")
+      .def_readonly("load_s", &FrameReport::load_s, "Decoding detail.")
+      .def_readonly("refine_s", &FrameReport::refine_s, "Refining meshes.")
+      .def_readonly("tree_s", &FrameReport::tree_s, "Following with the trees.")
+      .def_readonly("broad_s", &FrameReport::broad_s, "Finding the pairs that may be near.");
 }
 
 }  // namespace
@@ -442,36 +455,52 @@ void add_sessions(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(SweptRow, status, exhausted, free_until_s, hit_s);
   PYBIND11_NUMPY_DTYPE(EventRow, change, id, a, b, patch);
   PYBIND11_NUMPY_DTYPE(TileRow, tile, place, is_here, asked, status, pairs, missing);
-  py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
+  py::class_<Motion>(
+      module, "Motion",
+      "Where a body is, a pose (4, 4), and how it moves: metres and radians a second, "
+      "world frame, about the origin of its model.")
       .def(py::init([](const Doubles& pose, const std::array<double, 3>& linear,
                        const std::array<double, 3>& angular) {
              return Motion{pose_of(pose, "pose"), linear, angular};
            }),
            py::arg("pose"), py::arg("linear_velocity_mps") = std::array<double, 3>{},
            py::arg("angular_velocity_radps") = std::array<double, 3>{})
-      .def_property_readonly("pose",
-                             [](const Motion& motion) { return array_of(matrix_of(motion.pose)); })
-      .def_readonly("linear_velocity_mps", &Motion::linear_velocity_mps)
-      .def_readonly("angular_velocity_radps", &Motion::angular_velocity_radps);
+      .def_property_readonly(
+          "pose", [](const Motion& motion) { return array_of(matrix_of(motion.pose)); },
+          "A copy, (4, 4).")
+      .def_readonly("linear_velocity_mps", &Motion::linear_velocity_mps, "Three, world frame.")
+      .def_readonly("angular_velocity_radps", &Motion::angular_velocity_radps,
+                    "Three, world frame.");
   add_frame(module);
   const auto peer_class =
       py::class_<Peer>(module, "Session",
                        R"(A peer: bodies, watched pairs, one update a frame, answers.
 
-Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
-margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts, depth,
-publish_reports, any, max_pairs, max_tests, max_sweep_tests, max_depth_tests, promise_s, window_bytes, audit_s; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
-calls job(i) for each i below count, on threads of its own, and returns when all are done; it calls nothing of the session, on no thread.)")
+Made by Session.local (from files, no network) or Session.dds. Bodies are numbers, from 0 in the order of add_body().
+
+Options of both, by keyword, each as in SessionOptions of nearmesh/subscriber/peer/session.hpp: max_pose_age_s (2), lookahead_s (0.5),
+margin_m (0), sweep_s (0), request_timeout_s (0.5), max_held_splits (0: no limit), clearance ("none", "bound", "exact"; "bound"),
+cache_folder, contacts, depth, publish_reports (True), any, max_pairs, max_tests (2,000,000), max_sweep_tests (50,000),
+max_depth_tests (500,000), promise_s (8), window_bytes (65,536), audit_s (0: never).
+
+For the pairs of a frame, threads=N or run_jobs=f: f(count, job) calls job(i) for each i below count, on threads of its own, and
+returns when all are done; it calls nothing of the session, on no thread.
+
+Errors: InvalidArgumentError for a value out of its range; NotFoundError for the number of a body that is not there;
+ConflictError for a name that is taken, and of every call after one that ended half-way (MemoryError).)")
           .def_static("local", &local_session, py::arg("models"),
                       py::arg("worlds") = std::map<std::string, std::string>{},
-                      "A session fed from files: {name: path}, and worlds: {name: folder}.")
+                      "A session fed from files: {name: path}, and worlds: {name: folder}. No network, no "
+                      "DDS; NotFoundError, IoError, CorruptError or UnsupportedError of a file.")
           .def_static(
               "dds", &dds_session, py::kw_only(), py::arg("domain") = 0U, py::arg("interface") = "",
               py::arg("name") = "", py::arg("prefix") = "nearmesh", py::arg("transport") = "lan",
               py::arg("security") = "", py::arg("initial_peers") = std::vector<std::string>{},
               py::arg("discovery_server") = "",
-              "A peer on DDS, on a participant of its own. transport: lan, thin, tcp, udp-only "
-              "or same-host.")
+              "A peer on DDS, on a participant of its own: it joins within some ten milliseconds, and "
+              "leaves when the session is gone. transport: lan, thin, tcp, udp-only or same-host; "
+              "what it sets, and the other settings: docs/operate.md. InvalidArgumentError "
+              "names the option, IoError says what Fast DDS refused.")
           .def(
               "add_body",
               [](Peer& peer, const std::string& name, const std::string& model, bool own,
@@ -496,9 +525,12 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               py::arg("solid") = false, py::arg("content") = "",
               py::arg("max_pose_age_s") = py::none(),
               py::arg("group") = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
-              "Declares a body; own: this peer moves it, max_speed_mps: and never faster, so that "
-              "others are promised where it stays. content: as Model.content, no other is ever "
-              "taken. Gives its number.")
+              R"(Declares a body and gives its number.
+
+name: on the bus, unique, 1 to 63 bytes of printable ASCII. model: the publisher's name for it. own: this peer moves it. solid: it has an
+inside; its model must be closed. content: as Model.content, no other is ever taken. max_pose_age_s: the session's, for this body.
+group, mask: watch_all() watches a pair where the mask of each has a bit of the other's group. max_speed_mps: of an own body, it never
+moves faster, so others are promised where it stays; 0: no promise.)")
           .def(
               "place_body",
               [](Peer& peer, std::uint32_t body, const Doubles& pose) {
@@ -525,7 +557,8 @@ calls job(i) for each i below count, on threads of its own, and returns when all
                 need(unlocked(peer,
                               [&](Session& session) { return session.remove_body(BodyId{body}); }));
               },
-              py::arg("body"))
+              py::arg("body"),
+              "The body is there no more, nor are its pairs. A link takes all of its robot with it.")
           .def(
               "replace_model",
               [](Peer& peer, std::uint32_t body, const std::string& model,
@@ -543,14 +576,15 @@ calls job(i) for each i below count, on threads of its own, and returns when all
                 need(unlocked(
                     peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a"), py::arg("b"), "Lists the answer about two bodies in every frame.")
+              py::arg("a"), py::arg("b"),
+              "Lists the answer about two bodies in every frame, near or not.")
           .def(
               "unwatch",
               [](Peer& peer, std::uint32_t a, std::uint32_t b) {
                 need(unlocked(
                     peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a"), py::arg("b"))
+              py::arg("a"), py::arg("b"), "Takes watch() back.")
           .def(
               "watch_all",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
@@ -627,7 +661,7 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               [](Peer& peer, std::uint32_t body) {
                 return unlocked(peer, [&](Session& session) { return session.name_of(BodyId{body}); });
               },
-              py::arg("body"))
+              py::arg("body"), "Its name; empty where no such body is declared.")
           .def(
               "update",
               [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
@@ -641,7 +675,8 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               py::arg("budget_s") = 0.005,
               R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
 
-Where that is too little pairs take turns, who may touch soonest first; a row whose turn did not come is put_off, not asked.)")
+time_s: the frame's time on the clock that the whole exercise shares. Own bodies that rest need no motion. Never blocks. Where the budget, in
+seconds of wall clock, is too little, pairs take turns, who may touch soonest first; a row whose turn did not come is put_off, not asked.)")
           .def(
               "wait_ready",
               [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,
@@ -670,7 +705,9 @@ stage: "waiting", "answering" or "certified".)")
                                    return unlocked(peer, [](Session& session) {
                                      return session.heard_time_s();
                                    });
-                                 })
+                                 },
+                                 "The latest time that a pose of another peer had; None before. For "
+                                 "who has no clock of the exercise.")
           .def_property_readonly(
               "stats",
               [](Peer& peer) {
@@ -683,7 +720,8 @@ stage: "waiting", "answering" or "certified".)")
                     "held_splits"_a = stats.held_splits, "exact_faces"_a = stats.exact_faces,
                     "tree_bytes"_a = stats.tree_bytes, "mesh_bytes"_a = stats.mesh_bytes);
               },
-              "What came and what is held, by name.");
+              "Since the session began: batches, batch_bytes (of detail), header_bytes, requests. Now: "
+              "held_splits, exact_faces, tree_bytes, mesh_bytes (what whole replicas would take).");
   add_probes(peer_class);
 }
 

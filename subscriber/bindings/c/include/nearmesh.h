@@ -319,10 +319,10 @@ typedef struct nearmesh_session_options {
   double lookahead_s;         ///< detail is asked for where a body may be within this time; 0 to 3600; 0.5
   double margin_m;            ///< and this much further; 0 to 1e9; 0
   double sweep_s;             ///< also answer for all of this time ahead; 0, the default: do not; else 1e-9 to 3600
-  double request_timeout_s;   ///< a request without an answer is repeated after this; 1e-3 to 3600; 0.5
-  double audit_s;             ///< so often a publisher must prove a block of its file; 0, the default: never
+  double request_timeout_s;   ///< a request without an answer is repeated after this; 1e-4 to 3600; 0.5
+  double audit_s;             ///< so often, in seconds, a publisher must prove a block of its file; 0, the default: never
   uint64_t audit_seed;        ///< draws which; 0, the default: the system does
-  uint32_t window_bytes;      ///< that may be under way to this peer, at least 2048; 65536
+  uint32_t window_bytes;      ///< that may be under way to this peer, at least 2000; 65536
   uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit. What nothing was near for 10 s is given up in any case
   const char* cache_folder;   ///< where detail is kept from one session to the next; NULL, the default: it is not
   int32_t clearance;          ///< NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either
@@ -344,7 +344,8 @@ typedef struct nearmesh_session_options {
 NEARMESH_API nearmesh_status nearmesh_session_options_init(nearmesh_session_options* options,
                                                            size_t size) NEARMESH_NOTHROW;
 
-/// How a session joins the bus. Text that is NULL, and numbers that are 0, stand for what `transport` has built in.
+/// How a session joins the bus. Text that is NULL, and numbers that are 0, stand for what `transport` has built in. What each setting
+/// does, and its range: docs/operate.md, "Settings".
 typedef struct nearmesh_dds_options {
   size_t size;             ///< set by nearmesh_dds_options_init()
   const char* transport;   ///< "lan" (NULL too), "thin", "tcp", "udp-only" or "same-host"
@@ -359,7 +360,7 @@ typedef struct nearmesh_dds_options {
   uint32_t listen_port;           ///< of "tcp"; 0: does not listen
   uint32_t participants_per_peer;
   uint32_t reserved;              ///< 0
-  double lease_s, silence_s, announcement_s, identity_period_s, heartbeat_s;
+  double lease_s, silence_s, announcement_s, identity_period_s, heartbeat_s;  ///< seconds
 } nearmesh_dds_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -486,13 +487,13 @@ typedef struct nearmesh_frame {
   size_t complaint_count;  ///< nearmesh_session_complaint()
   int32_t all_certified;   ///< of all pairs, listed or not
   int32_t reserved;
-  /// With watch_all: so many pairs are not listed, for boxes prove them apart, a certified answer.
+  /// With watch_all or watch_own: so many pairs are not listed, because boxes prove them apart; a certified answer.
   uint64_t free_by_bounds;
   double free_clearance_m;  ///< of each of them at least
   double free_horizon_s;    ///< so long after the frame's time none of them can touch, if bodies keep within their speeds
   uint64_t free_digest;
   uint64_t unknown_pairs;   ///< that are not listed since nothing is known of one of the two: uncertain
-  double load_s, refine_s, tree_s;  ///< decoding batches, refining meshes, following with trees: the budget
+  double load_s, refine_s, tree_s;  ///< decoding batches, refining meshes, following with trees
   double broad_s;           ///< finding the pairs that may be near
   double query_s;           ///< answering, the sum over pairs
   uint64_t batches_waiting; ///< left over for want of budget
@@ -519,7 +520,7 @@ typedef struct nearmesh_contact_event {
   nearmesh_body a, b;  ///< as in the pair's answers
 } nearmesh_contact_event;
 
-/// An answer about a pair that is watched by name, or may be near.
+/// With sweep_s: the answer for all of the time ahead, if both bodies keep their velocities.
 typedef struct nearmesh_swept {
   int32_t status;       ///< free for all of sweep_s; contact, partial, uncertain
   int32_t exhausted;    ///< the search was ended by its length
@@ -562,6 +563,7 @@ typedef struct nearmesh_world_answer {
 NEARMESH_API const nearmesh_near_tile* nearmesh_world_answer_tile(
     const nearmesh_world_answer* answer, size_t index) NEARMESH_NOTHROW;
 
+/// An answer about a pair that is watched by name, or may be near.
 typedef struct nearmesh_pair_answer {
   nearmesh_body a, b;             ///< as they were watched; else the lower first
   const nearmesh_answer* answer;
@@ -614,7 +616,7 @@ NEARMESH_API const nearmesh_pair_answer* nearmesh_session_find(const nearmesh_se
 /// With `contacts`: one for each contact that there is or was until now. Of the last frame. NULL beyond contact_event_count.
 NEARMESH_API const nearmesh_contact_event* nearmesh_session_contact_event(
     const nearmesh_session* session, size_t index) NEARMESH_NOTHROW;
-/// With watch_all. NULL beyond unknown_count.
+/// With watch_all or watch_own: bodies of which nothing is known. Of the last frame. NULL beyond unknown_count.
 NEARMESH_API const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* session,
                                                                    size_t index) NEARMESH_NOTHROW;
 /// With discover_bodies: bodies that came, or went, in the last frame. NEARMESH_NONE beyond came_count and went_count.

@@ -26,7 +26,6 @@ struct DdsChannelOptions {
   eprosima::fastdds::dds::DomainParticipant* participant = nullptr;
 };
 
-/// Threads: all functions, any thread.
 /// Samples about where bodies are, between this peer and another, since the start.
 struct PoseCounts {
   std::uint64_t heard_poses = 0, heard_promises = 0, heard_near = 0;
@@ -35,6 +34,8 @@ struct PoseCounts {
   std::uint64_t sent_near = 0;  ///< to it alone; beside its heard_near, this tells what was lost
 };
 
+/// A peer's way to the bus. Make it, hand it to a Session, and forget it; take() and the rest are the session's.
+/// Threads: all functions, any thread.
 class DdsChannel final : public Channel {
  public:
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.

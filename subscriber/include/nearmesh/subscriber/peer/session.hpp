@@ -40,7 +40,7 @@ struct BodyOptions {
   ContentHash content;
   /// As SessionOptions::max_pose_age_s, for this body. None: that; for own bodies no limit.
   std::optional<double> max_pose_age_s;
-  /// Of an own body: its origin never moves faster, m/s, up to wire::kMaxSpeed_mps. Then others are promised where it stays, and its full
+  /// Of an own body: its origin never moves faster, m/s, up to wire::kMaxSpeed_mps (1e6). Then others are promised where it stays, and its full
   /// poses go to those peers alone that it may come near to (docs/worlds.md, "Promises"). 0: poses go to all, whenever it moves.
   double max_speed_mps = 0;
   /// Which pairs watch_all() and watch_own() watch: those of which the mask of each has a bit of the other's group.
@@ -50,25 +50,27 @@ struct BodyOptions {
 /// Calls job(0) to job(count - 1), each once, in any order and on any threads, and returns when all are done.
 using RunJobs = std::function<void(std::size_t count, const std::function<void(std::size_t)>& job)>;
 
+/// Ranges stand behind each number; check() holds a session to them.
 struct SessionOptions {
-  /// Answers are uncertain where the pose of a body that another moves is this far from the frame's time, seconds. Own bodies
+  /// Answers are uncertain where the pose of a body that another moves is this far from the frame's time, seconds; 0 to infinite. Own bodies
   /// at rest are published again after a quarter of it, so let all peers have one value.
   double max_pose_age_s = 2;
-  /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
+  /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it. Seconds, 0 to 3600.
   double lookahead_s = 0.5;
-  /// What is promised of an own body (BodyOptions::max_speed_mps) holds for so long, and is promised anew after half of it; up to
-  /// wire::kMaxPromise_s. On the exercise's clock.
+  /// What is promised of an own body (BodyOptions::max_speed_mps) holds for so long, and is promised anew after half of it. Seconds on the
+  /// exercise's clock, 0.1 to wire::kMaxPromise_s (255).
   double promise_s = 8;
-  double margin_m = 0;  ///< and this much further
-  double sweep_s = 0;   ///< also answer for all of this time ahead; 0: do not
-  std::uint32_t window_bytes =
-      64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
-                  ///< socket buffer, and 12 % were sent again
-  double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
+  /// The look-ahead is widened by this on all sides, so that detail also comes where bodies pass this near. Metres, 0 to 1e9.
+  double margin_m = 0;
+  double sweep_s = 0;  ///< also answer for all of this time ahead; seconds, 1e-9 to 3600; 0: do not
+  /// Batches that may be under way to this peer; 2000 or more. Twice as much overran the default socket buffer, and 12 % were sent again.
+  std::uint32_t window_bytes = 64 * 1024;
+  /// A request without an answer is repeated after this, of another publisher where there is one. Seconds, 1e-4 to 3600.
+  double request_timeout_s = 0.5;
   std::uint32_t max_held_splits =
       0;  ///< above this, detail far from every body is given up; 0: no limit. All detail of a model that nothing was near for 10 s of the
           ///< exercise's time is given up in any case, unless there is a cache_folder
-  /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared; 0:
+  /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared. Seconds; 0:
   /// never. Who lied is named and not asked again; so is who does not answer three times.
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
@@ -192,7 +194,7 @@ struct FreeByBounds {
   std::uint64_t digest = 0;
 };
 
-/// A body of which nothing can be said, for its header or a fresh pose has not come. None of its pairs is certified.
+/// A body of which nothing can be said, because its header or a fresh pose has not come. None of its pairs is certified.
 struct UnknownBody {
   BodyId body;
   std::string reason;
@@ -238,8 +240,8 @@ struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
   std::uint64_t requests = 0;
-  std::uint64_t looks_ahead =
-      0;  ///< at the way of a body against another, to see what detail they may meet
+  /// How often the way of a body against another was followed, to see what detail they may meet.
+  std::uint64_t looks_ahead = 0;
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
   std::uint64_t audits = 0,
                 audit_bytes = 0;      ///< blocks that were proved and compared; answers to audits
@@ -260,9 +262,13 @@ struct ProbeReport {
   std::uint64_t missing = 0;  ///< nodes that are missing, of all answers together
 };
 
+/// A peer. Make a channel and a session, add bodies, watch pairs, then call update() once a frame (docs/embed.md).
+/// Threads: one at a time, for all functions. None calls DDS or waits for the network; write_cache() and the destructor write files.
 class Session {
  public:
+  /// Options out of their ranges are refused by each update(): check(options) says so before.
   explicit Session(std::unique_ptr<Channel> channel, SessionOptions options = {});
+  /// Writes the cache, if there is one, and ends the channel: with DDS the peer leaves the bus, within a second.
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -277,7 +283,7 @@ class Session {
   /// Makes own bodies the links of one robot: their poses count together. Whoever hears them takes all of one instant or none, however
   /// many samples they come in and whichever are lost; up to seven come in one. Each update() then gives motions of all links, or of none. Before
   /// any of them has a motion. Errors: kNotFound, kConflict (a link of another robot, one that has a motion), kInvalidArgument (fewer than 2 or
-  /// more than wire::kMaxLinks, a body that others move or that has a max_speed_mps).
+  /// more than wire::kMaxLinks (256), a body that others move or that has a max_speed_mps).
   [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
   /// The body is there no more, nor are its pairs; its name is free again. Detail of a model that no body uses is given up.
   /// A link takes all links of its robot with it. Errors: kNotFound.
@@ -317,7 +323,7 @@ class Session {
   /// may touch soonest first; one whose turn did not come is put_off, and so is one whose question is cut short since the time is over:
   /// that one is asked to its end as soon as it comes first. None waits for more than some updates and the others. A budget decides which pairs are
   /// asked, never what an answer says. Infinite: no end.
-  /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
+  /// In: `time_s` is the frame's time on the clock that the whole exercise has, seconds, at most wire::kMaxTime_s (1e11) from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
   /// is removed, and another. So are motions of some links of a robot, without the others'.
@@ -376,6 +382,7 @@ class Session {
   /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
   /// place; the other files are written all the same.
   [[nodiscard]] Status write_cache();
+  /// Counts since the session began, and what it holds now.
   [[nodiscard]] SessionStats stats() const;
   /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
   [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
@@ -384,7 +391,8 @@ class Session {
   [[nodiscard]] std::optional<double> heard_time_s() const;
   /// As of the last full second of update(), which also sends it to whoever asks on the bus.
   [[nodiscard]] const wire::ProcessStatus& status() const;
-  /// The mesh header of a body's model, once it is here.
+  /// The mesh header of a body's model: how large it is, whether it is closed, where it came from. Null until it is here. Valid until the next
+  /// call that is not const.
   [[nodiscard]] const SpmHeader* header_of(BodyId body) const;
 
  private:
