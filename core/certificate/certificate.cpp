@@ -286,7 +286,7 @@ CertificateBeginner::CertificateBeginner(std::uint64_t peer, CertificateRequest 
                                          Mirrors& mirrors, FileOf file_of)
     : peer_(peer), request_(std::move(request)), mirrors_(&mirrors), file_of_(std::move(file_of)) {}
 
-std::optional<BegunCertificate> CertificateBeginner::next(std::size_t splits) {
+std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
   while (found_.size() < request_.models.size()) {
     CertificateRequest::Model& model = request_.models[found_.size()];
     if (maker_ == nullptr) {
@@ -294,26 +294,32 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t splits) {
       if (file == nullptr)
         return BegunCertificate{
             {}, "content " + to_hex(model.content) + " is not served here", {}, true};
-      if (auto known = mirrors_->find(peer_, *file, model.state)) {
-        found_.push_back(std::move(known));
+      Mirrors::Found known = mirrors_->find(peer_, *file, model.state);
+      if (known.mirror) {
+        found_.push_back(std::move(known.mirror));
         continue;
       }
-      if (model.held.empty())
+      is_waking_ = !known.held.empty();
+      std::vector<std::uint8_t>& held = is_waking_ ? known.held : model.held;
+      if (held.empty())
         return BegunCertificate{{},
                                 "the state of content " + to_hex(model.content) + " is not known",
                                 model.content,
                                 false};
-      maker_ = std::make_unique<MirrorMaker>(*file, std::move(model.held));
+      maker_ = std::make_unique<MirrorMaker>(*file, std::move(held));
     }
-    const std::size_t before = maker_->told_splits();
-    Result<std::shared_ptr<Mirror>> made = maker_->next(splits);
-    const std::size_t done = maker_->told_splits() - before;
-    told_splits_ += done;
-    if (!made.is_ok()) return BegunCertificate{{}, made.status().message(), {}, true};
-    if (made.value() == nullptr) return std::nullopt;
-    splits -= done;
+    const std::size_t before = maker_->told_nodes();
+    Result<std::shared_ptr<Mirror>> made = maker_->next(nodes);
+    const std::size_t done = maker_->told_nodes() - before;
+    told_nodes_ += done;
+    if (made.is_ok() && made.value() == nullptr) return std::nullopt;
+    nodes -= std::min(nodes, done);
     maker_.reset();
-    if (made.value()->state() != model.state)
+    const bool is_that_state = made.is_ok() && made.value()->state() == model.state;
+    // What slept comes out as another where the file was changed: then the peer is to say what it holds, as if there had been nothing.
+    if (!is_that_state && is_waking_) continue;
+    if (!made.is_ok()) return BegunCertificate{{}, made.status().message(), {}, true};
+    if (!is_that_state)
       return BegunCertificate{{},
                               "what is held of content " + to_hex(model.content) +
                                   " is not the state that is said to be held",

@@ -77,7 +77,8 @@ struct BegunCertificate {
   bool wants_regions = false;  ///< the peer is to ask for regions
 };
 
-/// Finds the mirrors for a request, and makes those that are not there of what the peer says that it holds, in parts. Threads: one at a time.
+/// Finds the mirrors for a request, and makes those that sleep, or are not there, of what they were or what the peer says that it holds, in parts.
+/// Threads: one at a time.
 class CertificateBeginner {
  public:
   /// The file of a content that is served here; else nullptr.
@@ -86,10 +87,10 @@ class CertificateBeginner {
   CertificateBeginner(std::uint64_t peer, CertificateRequest request, Mirrors& mirrors,
                       FileOf file_of);
 
-  /// Does so many of the splits that are told. Out: none while there are more.
-  [[nodiscard]] std::optional<BegunCertificate> next(std::size_t splits);
+  /// Does so many of the nodes that are told (MirrorMaker::next()). Out: none while there are more.
+  [[nodiscard]] std::optional<BegunCertificate> next(std::size_t nodes);
   /// So many were looked at, true or not.
-  [[nodiscard]] std::size_t told_splits() const { return told_splits_; }
+  [[nodiscard]] std::size_t told_nodes() const { return told_nodes_; }
 
  private:
   [[nodiscard]] BegunCertificate begin();
@@ -100,7 +101,8 @@ class CertificateBeginner {
   FileOf file_of_;
   std::vector<std::shared_ptr<Mirror>> found_;  // of the request's models, in their order
   std::unique_ptr<MirrorMaker> maker_;          // of the one after these
-  std::size_t told_splits_ = 0;
+  bool is_waking_ = false;                      // it makes what slept
+  std::size_t told_nodes_ = 0;
 };
 
 /// The same at once.

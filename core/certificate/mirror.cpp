@@ -2,7 +2,6 @@
 #include "mirror.hpp"
 
 #include <algorithm>
-#include <map>
 #include <string>
 
 namespace nearmesh {
@@ -35,10 +34,10 @@ MirrorMaker::MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::s
           std::move(held)),
       most_(most) {}
 
-Result<std::shared_ptr<Mirror>> MirrorMaker::next(std::size_t splits) {
+Result<std::shared_ptr<Mirror>> MirrorMaker::next(std::size_t nodes) {
   LocalModel& model = mirror_->model();
   RefineDelta delta;
-  while (splits > 0) {
+  while (nodes > 0) {
     const Result<const HeldWalk::Node*> next = walk_.next();
     NEARMESH_RETURN_IF_ERROR(next);
     if (next.value() == nullptr) {
@@ -48,9 +47,10 @@ Result<std::shared_ptr<Mirror>> MirrorMaker::next(std::size_t splits) {
     const HeldWalk::Node& held = *next.value();
     for (const HalfSpace& half_space : held.half_spaces)
       static_cast<void>(model.mesh.add_half_space(held.node, half_space, delta));
-    if (!held.split.is_valid()) continue;
-    static_cast<void>(model.mesh.split(held.split, delta));  // parents come first
-    --splits;
+    told_of_ += held.half_spaces.empty() ? 0 : 1;
+    if (held.split.is_valid())
+      static_cast<void>(model.mesh.split(held.split, delta));  // parents come first
+    nodes -= held.split.is_valid() || !held.half_spaces.empty() ? 1 : 0;
   }
   model.tree.update(delta);
   return std::shared_ptr<Mirror>();
@@ -61,36 +61,51 @@ Result<std::shared_ptr<Mirror>> make_mirror(ModelFile& file, std::vector<std::ui
   return MirrorMaker(file, std::move(held), most).next(~std::size_t{0});
 }
 
-std::shared_ptr<Mirror> Mirrors::find(std::uint64_t peer, ModelFile& file, std::uint64_t state) {
-  const auto at = entry_of(peer, file);
-  if (at != entries_.end() && at->state() == state && at->wake()) {
-    entries_.splice(entries_.begin(), entries_, at);
-    make_room();
-    return entries_.front().mirror;
+Mirrors::Found Mirrors::find(std::uint64_t peer, ModelFile& file, std::uint64_t state) {
+  Found found;
+  if (const auto known = by_peer_.find({peer, &file}); known != by_peer_.end()) {
+    const auto at = known->second;
+    if (at->state() == state && at->mirror) {
+      entries_.splice(entries_.begin(), entries_, at);
+      make_room();
+      found.mirror = entries_.front().mirror;
+      return found;
+    }
+    if (at->state() == state) found.held = std::move(at->held);
+    erase(at);
+    if (!found.held.empty()) return found;
   }
-  if (at != entries_.end()) entries_.erase(at);
   // Who holds nothing need not say so.
   auto fresh = std::make_shared<Mirror>(file);
-  if (fresh->state() != state) return nullptr;
+  if (fresh->state() != state) return found;
   keep(peer, fresh);
-  return fresh;
+  found.mirror = std::move(fresh);
+  return found;
+}
+
+bool Mirrors::is_asleep(std::uint64_t peer, const ModelFile& file) const {
+  const auto known = by_peer_.find({peer, &file});
+  return known != by_peer_.end() && !known->second->mirror;
 }
 
 void Mirrors::keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror) {
-  if (const auto at = entry_of(peer, mirror->file()); at != entries_.end()) entries_.erase(at);
   ModelFile& file = mirror->file();
+  const auto [known, is_new] = by_peer_.try_emplace({peer, &file});
+  if (!is_new) entries_.erase(known->second);
   entries_.push_front({.peer = peer, .file = &file, .mirror = std::move(mirror), .held = {}});
+  known->second = entries_.begin();
   make_room();
 }
 
-Mirrors::Entries::iterator Mirrors::entry_of(std::uint64_t peer, const ModelFile& file) {
-  return std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
-    return entry.peer == peer && entry.file == &file;
-  });
+Mirrors::Entries::iterator Mirrors::erase(Entries::iterator entry) {
+  by_peer_.erase({entry->peer, entry->file});
+  return entries_.erase(entry);
 }
 
 void Mirrors::forget(std::uint64_t peer) {
-  entries_.remove_if([peer](const Entry& entry) { return entry.peer == peer; });
+  for (auto at = by_peer_.lower_bound({peer, nullptr});
+       at != by_peer_.end() && at->first.first == peer; at = by_peer_.erase(at))
+    entries_.erase(at->second);
 }
 
 void Mirrors::Entry::sleep() {
@@ -99,15 +114,6 @@ void Mirrors::Entry::sleep() {
   held = held_nodes(mirror->model().mesh).bits;
   held.shrink_to_fit();
   mirror.reset();
-}
-
-/// False where what was kept does not give the same again: its peer is to say what it holds.
-bool Mirrors::Entry::wake() {
-  if (mirror) return true;
-  Result<std::shared_ptr<Mirror>> anew = make_mirror(*file, std::move(held));
-  if (!anew.is_ok() || anew.value()->state() != asleep_state) return false;
-  mirror = std::move(anew).value();
-  return true;
 }
 
 void Mirrors::make_room() {
@@ -147,7 +153,7 @@ void Mirrors::make_room(std::size_t most, Size size, bool may_sleep) {
       if (sleeps) {
         at->sleep();
       } else {
-        at = entries_.erase(at);
+        at = erase(at);
       }
     }
   };

@@ -5,8 +5,10 @@
 
 #include <cstdint>
 #include <list>
+#include <map>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/replica/held_nodes.hpp"
@@ -40,23 +42,24 @@ class MirrorMaker {
   MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = kMostHeld);
   MirrorMaker(const MirrorMaker&) = delete;  // its walk refers to it
 
-  /// Does so many splits more, or what is left of them. Out: the mirror once it holds all, else nullptr. Errors: those of held_batch();
-  /// kUnsupported for more than `most` splits in all. It is over then.
-  [[nodiscard]] Result<std::shared_ptr<Mirror>> next(std::size_t splits);
-  /// So many splits were looked at, also where that failed.
-  [[nodiscard]] std::size_t told_splits() const { return told_splits_; }
+  /// Does so many nodes more, or what is left of them: those that are split, and those that half-spaces are told of, which takes as long. Out: the
+  /// mirror once it holds all, else nullptr. Errors: those of held_batch(); kUnsupported for more than `most` splits in all. It is over then.
+  [[nodiscard]] Result<std::shared_ptr<Mirror>> next(std::size_t nodes);
+  /// So many of these were looked at, also where that failed.
+  [[nodiscard]] std::size_t told_nodes() const { return told_splits_ + told_of_; }
 
  private:
   std::shared_ptr<Mirror> mirror_;
   HeldWalk walk_;
-  std::size_t most_, told_splits_ = 0;
+  std::size_t most_, told_splits_ = 0,
+                     told_of_ = 0;  // the last: nodes that half-spaces are told of
 };
 /// The same at once.
 [[nodiscard]] Result<std::shared_ptr<Mirror>> make_mirror(
     ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = MirrorMaker::kMostHeld);
 
 /// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
-/// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and they are made anew when they are asked for.
+/// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and who asks for one makes it anew of these.
 /// No peer takes the others' room: where that is short, the mirrors of a peer that has more than one of kShares go first, and do not sleep.
 /// Threads: one at a time.
 class Mirrors {
@@ -68,9 +71,15 @@ class Mirrors {
   static constexpr std::size_t kMaxAwakeSplits = 250'000, kSplitsAMirror = 1'000;
   static constexpr std::size_t kShares = 4;
 
-  /// The mirror of a peer's model in the state that it says. Out: nullptr where that is not known: the peer is to say what it holds.
-  [[nodiscard]] std::shared_ptr<Mirror> find(std::uint64_t peer, ModelFile& file,
-                                             std::uint64_t state);
+  /// What is known of a peer's model in the state that it says.
+  struct Found {
+    std::shared_ptr<Mirror> mirror;  ///< awake; the one used last from now on
+    /// It slept, and is here no more: of this a MirrorMaker makes it, which takes as long as a peer's word does, and then it is to be kept.
+    std::vector<std::uint8_t> held;
+  };
+  /// Out: neither where that state is not known: the peer is to say what it holds.
+  [[nodiscard]] Found find(std::uint64_t peer, ModelFile& file, std::uint64_t state);
+  [[nodiscard]] bool is_asleep(std::uint64_t peer, const ModelFile& file) const;
   /// The peer's mirror of its model from now on.
   void keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror);
   void forget(std::uint64_t peer);
@@ -92,15 +101,15 @@ class Mirrors {
       return mirror ? mirror->model().mesh.split_count() : asleep_splits;
     }
     void sleep();
-    [[nodiscard]] bool wake();
   };
   using Entries = std::list<Entry>;
-  [[nodiscard]] Entries::iterator entry_of(std::uint64_t peer, const ModelFile& file);
+  Entries::iterator erase(Entries::iterator entry);
   void make_room();
   template <class Size>
   void make_room(std::size_t most, Size size, bool may_sleep);
 
   Entries entries_;  // the one used last in front
+  std::map<std::pair<std::uint64_t, const ModelFile*>, Entries::iterator> by_peer_;
 };
 
 }  // namespace nearmesh

@@ -144,6 +144,11 @@ Status HeldWalk::take(const Step& step) {
   // Inside of what is done none is told: those that are at hand may be needed when detail is given up.
   node_ = {.node = step.node, .maker = step.maker, .has_box = whole || get(), .half_spaces = {}};
   while (!is_split && tells_half_spaces_ && get()) {
+    // Nobody holds more, and in a few bytes each a million could be told of one node.
+    if (node_.half_spaces.size() == kMaxHalfSpaces)
+      return {StatusCode::kInvalidArgument, "held nodes: more than " +
+                                                std::to_string(kMaxHalfSpaces) +
+                                                " half-spaces of " + to_string(step.node)};
     const auto direction = static_cast<std::uint16_t>(get(kDirectionBits));
     const auto reach = static_cast<std::uint8_t>(get(kReachBits));
     node_.half_spaces.push_back({direction, reach});

@@ -25,13 +25,14 @@ constexpr std::size_t kMaxOpenOfPeer = 128;
 /// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
 constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
-/// Splits that are done in a turn to make a mirror of a peer's word: some 0.2 ms, as other turns.
+/// Nodes that are done in a turn to make a mirror of a peer's word, or of what it was before it slept: some 0.2 ms, as other turns.
 constexpr std::size_t kToldATurn = 256;
-/// So much time a split passes before the next word of the peer counts, whether or not it was true, and so much may be owed. In such turns a
-/// split takes 0.8 to 0.9 us to be read, done and put into a tree, and up to 2 us where the file was not read so far (medians, models of 256 to
-/// 261,000 splits). So the price is no less than the cost, and one peer's words take less than half of the time. As much as is taken of one
-/// model may be owed, 0.5 s: who holds 20,000 splits may say so 25 times a second, and does not wait.
-constexpr double kToldSplit_s = 2e-6, kToldAtOnce_s = kToldSplit_s * MirrorMaker::kMostHeld;
+/// So much time a node passes before the next word of the peer counts, whether or not it was true, or one of its mirrors wakes, and so much may be
+/// owed. In such turns a split takes 0.8 to 0.9 us to be read, done and put into a tree, and up to 2 us where the file was not read so far (medians,
+/// models of 256 to 261,000 splits); a node with half-spaces takes 0.4 us, and 1.9 with eight. So the price is no less than the cost, and one peer's
+/// words take less than half of the time. As much as is taken of one model may be owed, 0.5 s: who holds 20,000 splits may say so 25 times a
+/// second, and does not wait.
+constexpr double kToldNode_s = 2e-6, kToldAtOnce_s = kToldNode_s * MirrorMaker::kMostHeld;
 
 /// Whether a request asks for detail of this content.
 bool is_about(const wire::RegionSubscription& asked, const ContentHash& content) {
@@ -39,14 +40,6 @@ bool is_about(const wire::RegionSubscription& asked, const ContentHash& content)
   const auto& models = asked.certificate->models;
   return std::any_of(models.begin(), models.end(),
                      [&](const auto& model) { return model.content == content; });
-}
-
-/// Whether a peer says what it holds.
-bool is_telling(const wire::RegionSubscription& asked) {
-  if (!asked.certificate) return false;
-  const auto& models = asked.certificate->models;
-  return std::any_of(models.begin(), models.end(),
-                     [](const auto& model) { return !model.held.empty(); });
 }
 
 }  // namespace
@@ -196,14 +189,27 @@ void Service::take_requests(double now_s) {
     double restarts_s = open.restarts_s;
     if (open.parts)
       restarts_s = std::max(restarts_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
+    const bool makes_mirrors = this->makes_mirrors(subscription);
     const double may_begin_s =
-        is_telling(subscription) ? std::max(restarts_s, peer.told_s - kToldAtOnce_s) : restarts_s;
+        makes_mirrors ? std::max(restarts_s, peer.told_s - kToldAtOnce_s) : restarts_s;
     open = Open{.subscription = std::move(subscription),
                 .parts = {},
+                .makes_mirrors = makes_mirrors,
                 .kind = kind,
                 .may_begin_s = may_begin_s,
                 .restarts_s = restarts_s};
   }
+}
+
+/// Of what its peer says that it holds, or of what slept.
+bool Service::makes_mirrors(const wire::RegionSubscription& asked) const {
+  if (!asked.certificate) return false;
+  const auto& models = asked.certificate->models;
+  return std::any_of(models.begin(), models.end(), [&](const auto& model) {
+    const auto served = models_.find(model.content);
+    return !model.held.empty() ||
+           (served != models_.end() && mirrors_.is_asleep(asked.peer, served->second->file));
+  });
 }
 
 void Service::take_rivals(const Inbox& inbox) {
@@ -260,7 +266,7 @@ Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& roo
   auto found = peer.open.end();
   for (auto at = peer.open.begin(); at != peer.open.end(); ++at) {
     const Open& open = at->second;
-    const bool has_room = is_telling(open.subscription) ? room.for_mirror : room.for_answer;
+    const bool has_room = open.makes_mirrors ? room.for_mirror : room.for_answer;
     if (open.may_begin_s > now_s_ || !(has_room || open.parts)) continue;
     if (found == peer.open.end() || rank(open) < rank(found->second)) found = at;
   }
@@ -365,10 +371,10 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
                                                      std::nullopt});
   return Parts([this, &peer, &asked, its]() -> Result<Part> {
     if (!its->maker) {
-      const std::size_t told_before = its->beginner.told_splits();
+      const std::size_t told_before = its->beginner.told_nodes();
       std::optional<BegunCertificate> begun = its->beginner.next(kToldATurn);
       peer.told_s = std::max(peer.told_s, now_s_) +
-                    kToldSplit_s * static_cast<double>(its->beginner.told_splits() - told_before);
+                    kToldNode_s * static_cast<double>(its->beginner.told_nodes() - told_before);
       if (!begun) return Part{.is_of_mirror = true};
       if (!begun->maker)
         return Part{.instead =

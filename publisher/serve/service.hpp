@@ -113,7 +113,8 @@ class Service {
     wire::RegionSubscription subscription;
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
-    bool is_making = false;      ///< a mirror of what its peer says that it holds
+    bool is_making = false;      ///< a mirror
+    bool makes_mirrors = false;  ///< before it can be answered, as it seemed when it came
     Kind kind = Kind::kRegion;
     double may_begin_s = 0;  ///< later than now where too much was done for its peer of late
     double restarts_s = 0;   ///< of which what was given up when begun has its part
@@ -142,6 +143,7 @@ class Service {
   [[nodiscard]] static Result<Parts> answer(WorldSource& world,
                                             const wire::RegionSubscription& asked);
   void take_requests(double now_s);
+  [[nodiscard]] bool makes_mirrors(const wire::RegionSubscription& asked) const;
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
   using OpenRequests = decltype(Peer::open);

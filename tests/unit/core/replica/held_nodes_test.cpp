@@ -162,5 +162,33 @@ TEST(HeldNodes, BitsThatDoNotFitAreRefused) {
   }
 }
 
+// In few bytes a million could be told of one node, in one step of the walk.
+TEST(HeldNodes, MoreHalfSpacesOfANodeThanAreKeptAreRefused) {
+  const BakedModel model = test::bake_named("sphere");
+  for (const std::size_t count : {kMaxHalfSpaces, kMaxHalfSpaces + 1}) {
+    std::vector<bool> bits{true};  // half-spaces are told
+    for (const BaseRoot& root : model.header.roots) {
+      if (root.node.size < 2) continue;
+      bits.insert(bits.end(), 2, false);  // unresolved, no box of its own
+      for (std::size_t i = 0; i < (&root == &model.header.roots.front() ? count : 0); ++i) {
+        bits.push_back(true);
+        for (int bit = 0; bit < kDirectionBits + kReachBits; ++bit)
+          bits.push_back(bit < 4 && (i >> bit & 1U) != 0);
+      }
+      bits.push_back(false);
+    }
+    std::vector<std::uint8_t> bytes((bits.size() + 7) / 8);
+    for (std::size_t i = 0; i < bits.size(); ++i)
+      bytes[i / 8] = static_cast<std::uint8_t>(bytes[i / 8] | (bits[i] ? 1U : 0U) << i % 8);
+    const Result<SplitBatch> batch = held_batch(model.store, kKnowsAll, bytes);
+    if (count <= kMaxHalfSpaces) {
+      ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+      EXPECT_EQ(batch.value().half_spaces.size(), count);
+    } else {
+      EXPECT_EQ(batch.status().code(), StatusCode::kInvalidArgument);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -655,6 +655,48 @@ TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   EXPECT_EQ(mine.back().request, silent.request);
 }
 
+// To wake a mirror is to make it of such a word: who owes much waits for that, too.
+TEST(Service, MirrorsThatWakeArePaidWithTime) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(144, 7), 16);
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
+  ModelFile large = ModelFile::open(path->path()).value();
+  const CertificateRequest::Model lie{large.content_hash(), 1, test::held_whole(large.header())};
+  const wire::RegionSubscription truth = telling(desk, 1, kPeer, true);
+  ModelFile file = desk.open();
+  const CertificateRequest::Model known{desk.hash(), truth.certificate->models[0].state, {}};
+  const CertificateRequest::Model nothing{desk.hash(), Mirror(file).state(), {}};
+  std::uint32_t number = 0;
+  const auto ask = [&](const CertificateRequest::Model& asked) {
+    desk.bus.inject(telling(++number, kPeer, asked));
+    do desk.service.step(1);
+    while (desk.service.is_behind());
+    std::vector<wire::SplitBatchMessage> batches = desk.received();
+    if (!batches.empty()) desk.bus.inject(desk.credit(batches.back().sequence));
+    return batches;
+  };
+  ASSERT_FALSE(ask(truth.certificate->models[0]).back().refused);
+  const double lie_s = kCharged_s * static_cast<double>(large.header().split_count());
+  const double lent_s = kCharged_s * static_cast<double>(MirrorMaker::kMostHeld);
+  for (double owed_s = 0; owed_s < lent_s + 2 * lie_s; owed_s += lie_s) {
+    if (const auto judged = ask(lie); !judged.empty()) ASSERT_TRUE(judged.back().wants_regions);
+  }
+  EXPECT_EQ(ask(known).size(), 1U) << "that is awake costs nothing";
+  // Others come, and it falls asleep.
+  constexpr wire::SessionId kFirst = 0x100;
+  const std::size_t others = 2 * Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror;
+  for (wire::SessionId id = kFirst; id < kFirst + others; ++id)
+    desk.bus.inject(telling(1, id, nothing));
+  do desk.service.step(1);
+  while (desk.service.is_behind());
+  EXPECT_EQ(ask(known).size(), 0U);
+  desk.service.step(1 + lent_s);
+  const auto answered = desk.received();
+  ASSERT_EQ(answered.size(), 1U);
+  EXPECT_TRUE(answered[0].last && !answered[0].refused);
+}
+
 // It is taken in turns, as all else is, so nobody waits for it, not even of many such.
 TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
   Desk desk;
