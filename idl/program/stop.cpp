@@ -12,7 +12,8 @@ void stop_on_signals() {
 }
 
 void end_on_signals() {
-  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, SIG_DFL);
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
   if (stop_requested != 0) std::raise(SIGTERM);
 }
 
