@@ -798,7 +798,9 @@ bool DdsChannel::Impl::flush() {
 /// The last poses or promises of a part are kept for who joins later. Where all its bodies are gone, or are not such any more, they would be
 /// for good: between them and those of other parts Fast DDS tells such a reader of one gap that grows with each sample, of which doors let in
 /// kMaxGap a time (rtps_check.hpp), and whoever joins keeps what no directory names. Unregistered, not disposed of: then the writer keeps
-/// nothing of the part, as soon as all readers have heard of it. To readers that is no news. Out: as flush().
+/// nothing of the part, as soon as all readers have heard of it. To readers that is no news. The directory's word that a part has no bodies
+/// stays, as does the watched bodies': a reader that stood still beyond its lease still believes the one before, and hears of it by what is
+/// kept alone. Out: as flush().
 template <class Message>
 bool DdsChannel::Impl::end_silent_parts(const std::deque<Message>& queue,
                                         std::set<std::uint32_t>& retold,
