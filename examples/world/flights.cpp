@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -88,9 +89,10 @@ struct Plan {
 
 enum class Flight : std::uint8_t { kHigh, kLow, kLowAndTouching };
 
-/// Every body has a square of the world for itself. Those that fly low follow the ground; some touch it for a while.
-bool write_flight(const std::filesystem::path& path, const Ground& ground, const Plan& plan,
-                  int body, Flight flight) {
+/// Every body has a square of the world for itself. Those that fly low follow the ground; some touch it for a while. Out: how fast it goes at most, metres
+/// a second; none where it cannot be written.
+std::optional<double> write_flight(const std::filesystem::path& path, const Ground& ground,
+                                   const Plan& plan, int body, Flight flight) {
   constexpr double kSpeed_mps = 150, kAround_m = 20;
   const double world_m = plan.cells * kSpacing_m * plan.repeats;
   const int columns = static_cast<int>(std::ceil(std::sqrt(plan.bodies)));
@@ -100,6 +102,7 @@ bool write_flight(const std::filesystem::path& path, const Ground& ground, const
   std::ofstream out(path);
   out.precision(17);
   out << "QW,QX,QY,QZ,T0,T1,T2\n";
+  double before_m = 0, most_mps = kSpeed_mps;
   for (int frame = 0; frame < plan.frames; ++frame) {
     const double x_m = x0 + kSpeed_mps * frame / plan.rate_hz;
     const double way = static_cast<double>(frame) / plan.frames;
@@ -108,10 +111,13 @@ bool write_flight(const std::filesystem::path& path, const Ground& ground, const
                            : 0;
     const double z_m = flight == Flight::kHigh ? 3000 + body % 50 * 100
                                                : ground.top_m(x_m, y_m, kAround_m) + 12 - 18 * dip;
+    if (frame > 0)
+      most_mps = std::max(most_mps, std::hypot(kSpeed_mps, (z_m - before_m) * plan.rate_hz));
+    before_m = z_m;
     out << "1,0,0,0," << x_m << ',' << y_m << ',' << z_m << '\n';
   }
   out.close();
-  return out.good();
+  return out.good() ? std::optional(most_mps) : std::nullopt;
 }
 
 bool write_peer(const std::filesystem::path& folder, const Ground& ground, const Plan& plan,
@@ -130,8 +136,11 @@ bool write_peer(const std::filesystem::path& folder, const Ground& ground, const
     const Flight flight = !is_low                  ? Flight::kHigh
                           : which / share % 4 == 0 ? Flight::kLowAndTouching
                                                    : Flight::kLow;
-    if (!write_flight(flights / (its + ".csv"), ground, plan, body, flight)) return false;
-    bodies += "  - {name: " + its + ", model: aircraft, max_speed_mps: 300}\n";
+    const auto most_mps = write_flight(flights / (its + ".csv"), ground, plan, body, flight);
+    if (!most_mps) return false;
+    // Where hills are short, who follows them is fast: a scene whose bodies go faster than it says is refused.
+    bodies += "  - {name: " + its + ", model: aircraft, max_speed_mps: " +
+              std::to_string(std::max(300.0, std::ceil(*most_mps))) + "}\n";
     moves += "  - {body: " + its + ", trajectory: " + name + "/" + its + ".csv}\n";
   }
   std::ofstream out(folder / (name + ".yaml"));
