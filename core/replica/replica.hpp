@@ -56,7 +56,7 @@ class Replica {
   void distrust(std::uint64_t sender);
   /// Whether what this sender sent contradicted the model.
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
-  [[nodiscard]] bool distrusts_anybody() const { return !distrusted_.empty(); }
+  [[nodiscard]] const std::set<std::uint64_t>& distrusted() const { return distrusted_; }
   /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's grid).
   /// Cost: O(known nodes that meet `keep`, and what is given up).
   Times give_up(std::span<const RegionPart> keep);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replicas.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/base/digest.hpp"
@@ -59,9 +60,21 @@ PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
 void ReplicaSet::remove(const std::string& name) {
   const auto at = models_.find(name);
   if (at == models_.end()) return;
-  if (at->second.is_ready()) begins_in_ = ++last_era_;
+  note_gone(at->second);
   by_content_.erase({at->second.content_hash, name});
   models_.erase(at);
+}
+
+/// Tiles come and go as bodies move: who has lied of one is not asked again when it comes back.
+void ReplicaSet::note_gone(const PeerModel& model) {
+  if (!model.is_ready()) return;
+  begins_in_ = ++last_era_;
+  for (const wire::SessionId publisher : model.replica->distrusted()) {
+    const std::pair its(model.content_hash, publisher);
+    if (std::find(distrusted_.begin(), distrusted_.end(), its) != distrusted_.end()) continue;
+    distrusted_.push_back(its);
+    if (distrusted_.size() > kMaxDistrusted) distrusted_.pop_front();
+  }
 }
 
 void ReplicaSet::note_given_up() {
@@ -75,7 +88,7 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
   if (model.is_held()) keep_header(model.header);  // the content may come back
-  if (model.is_ready()) begins_in_ = ++last_era_;
+  note_gone(model);
   by_content_.erase({model.content_hash, model.name});
   if (content.is_set()) by_content_.emplace(std::pair(content, model.name), &model);
   PeerModel anew;
@@ -196,6 +209,9 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   }
   model->world_before.reset();
   model->replica = std::move(replica).value();
+  for (const auto& [content, publisher] : distrusted_)
+    if (content == message.content_hash) model->replica->distrust(publisher);
+  model->noted_give_ups = model->replica->give_ups();  // nothing was here
   model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;
   model->era = begins_in_;

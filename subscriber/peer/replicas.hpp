@@ -23,6 +23,8 @@ namespace nearmesh::subscriber {
 inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// Contents that are known to contradict themselves.
 inline constexpr std::size_t kMaxRefusedContents = 256;
+/// Of replicas that are gone: who is not asked for a content again.
+inline constexpr std::size_t kMaxDistrusted = 4096;
 
 /// A model that bodies of this peer use.
 struct PeerModel {
@@ -152,6 +154,7 @@ class ReplicaSet {
   };
   void keep_header(const Channel::Header& header);
   void drop(PeerModel& model);
+  void note_gone(const PeerModel& model);
   void drop_spare(std::map<ContentHash, Spare>::iterator spare);
   [[nodiscard]] bool has_room_for(const wire::MeshHeader& header) const;
 
@@ -161,6 +164,7 @@ class ReplicaSet {
   std::uint64_t spares_that_came_ = 0;
   std::uint64_t models_left_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
+  std::deque<std::pair<ContentHash, wire::SessionId>> distrusted_;  // the newest last
   std::uint32_t last_era_ = 0;
   std::uint32_t begins_in_ =
       0;  // a replica: the era when one was dropped last, for it may be of the same content

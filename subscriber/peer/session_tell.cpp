@@ -18,7 +18,7 @@ void Session::Impl::tell_held(FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     const bool is_told = model.told_recorders == recorders && model.told_era == model.era;
     if (recorders == 0 || is_told || !model.is_ready() || !model.waiting.empty() ||
-        model.replica->parked_splits() > 0 || model.replica->distrusts_anybody())
+        model.replica->parked_splits() > 0 || !model.replica->distrusted().empty())
       continue;
     model.told_recorders = recorders;
     model.told_era = model.era;

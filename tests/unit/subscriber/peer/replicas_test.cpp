@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "test_models.hpp"
+
 namespace nearmesh::subscriber {
 namespace {
 
@@ -104,6 +106,36 @@ TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
   for (std::uint64_t number = kLast + 1; number <= kLast + kMost; ++number) take(number, 0);
   EXPECT_TRUE(is_kept(replicas, kLast + 3));
   EXPECT_FALSE(is_kept(replicas, kLast + 4));  // all are served
+}
+
+// A tile that nothing is near goes, and comes back with the bodies.
+TEST(ReplicaSet, WhoLiedOfAModelIsNotAskedAgainWhenItComesBack) {
+  const auto path = test::write_model(test::bake_named("sphere"));
+  const ModelFile file = ModelFile::open(path->path()).value();
+  const Channel::Header header{7,
+                               {wire::kWireVersion,
+                                "tile",
+                                file.content_hash(),
+                                {file.header_bytes().begin(), file.header_bytes().end()}}};
+  ReplicaSet replicas;
+  std::vector<std::string> complaints;
+  const auto come = [&]() -> PeerModel& {
+    PeerModel& model = replicas.add("tile");
+    static_cast<void>(replicas.assign(model, file.content_hash(), complaints));
+    EXPECT_GT(replicas.take_header(header, complaints), 0U);
+    return model;
+  };
+  come().replica->distrust(7);
+  for (int i = 0; i < 2; ++i) {
+    replicas.remove("tile");
+    PeerModel& again = come();
+    EXPECT_TRUE(again.replica->distrusts(7));
+    EXPECT_FALSE(again.replica->distrusts(8));
+    const std::uint32_t era = again.era;
+    replicas.note_given_up();
+    EXPECT_EQ(again.era, era) << "nothing was given up";
+  }
+  EXPECT_TRUE(complaints.empty());
 }
 
 }  // namespace
