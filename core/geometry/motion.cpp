@@ -56,13 +56,27 @@ std::array<double, 9> turn_by(const Vec3& phi) {
           n * (a * c - b * w),     n * (b * c + a * w),     1 - n * (a * a + b * b)};
 }
 
+/// Of at most half a turn, from its sine and cosine times any number above 0. By square roots alone, which are the same on every platform.
+double angle_of(double sine, double cosine) {
+  constexpr int kHalvings = 9;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double length = std::sqrt(sine * sine + cosine * cosine);
+    const double s = sine / length, c = cosine / length;
+    // Both are the tangent of the half; one of them does not cancel.
+    sine = c < 0 ? 1 - c : s;
+    cosine = c < 0 ? s : 1 + c;
+  }
+  const double t = sine / cosine, square = t * t;
+  return std::ldexp(t * (1 - square * (1.0 / 3 - square * (1.0 / 5 - square / 7))), kHalvings);
+}
+
 /// The axis of a rotation times its angle, at most half a turn.
 Vec3 axis_angle(const std::array<double, 9>& r) {
   // r - r^T is the axis times twice the angle's sine, the trace of r 1 + 2 cosine.
   Vec3 axis{r[7] - r[5], r[2] - r[6], r[3] - r[1]};
   const double twice_sine = std::sqrt(dot(axis, axis)), twice_cosine = r[0] + r[4] + r[8] - 1;
   if (twice_sine == 0 && twice_cosine >= 0) return {};
-  const double angle = std::atan2(twice_sine, twice_cosine);
+  const double angle = angle_of(twice_sine, twice_cosine);
   double length = twice_sine;
   if (twice_cosine < 0) {
     // Near half a turn the sine says little: r + r^T - 2 cosine is the axis times the axis, times a number, so each of its columns is along the axis.
