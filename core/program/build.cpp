@@ -305,8 +305,6 @@ Status build_nodes(const BuildOptions& options, const ImportOptions& import_opti
 }  // namespace
 
 Result<ImportOptions> import_options(const BuildOptions& options) {
-  if (std::isnan(options.cell_m))
-    return Status(StatusCode::kInvalidArgument, "--cell: expected a length in metres, found nan");
   ImportOptions out{.scale = options.scale, .node = options.node};
   if (!options.unit.empty()) out.unit_m = metres(options.unit);
   if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;

@@ -479,7 +479,6 @@ TEST_F(WorldProgram, SaysWhatIsWrong) {
   says(model("build-world " + raw_flags() + " --only 99 -o " + path("w")),
        "expected a tile below 1");
   says(model("info " + folder_), "world.nmw");
-  says(model("build-world " + raw_flags() + " --cell nan -o " + path("w")), "--cell");
   const std::string world = path("v");
   ASSERT_EQ(model("build-world " + raw_flags() + " --faces 100 -o " + world).code, 0);
   const std::string page = fs::directory_iterator(world + "/pages")->path().string();

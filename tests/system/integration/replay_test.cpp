@@ -276,7 +276,7 @@ TEST_F(ReplayProgram, RefusesWithAReason) {
                          {{session, "--rate", "-2"}, 2, "above 0"},
                          {{session, "--rate", "nan"}, 2, "above 0"},
                          {{session, "--topics", "poses"}, 2, "poses"},
-                         {{}, 2, "session"}}) {
+                         {{}, 2, "recording"}}) {
     Words words{"replay"};
     words.insert(words.end(), one.words.begin(), one.words.end());
     std::string err;
