@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
-#include "json_text.hpp"
+#include "core/command/json_text.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 
 namespace nearmesh::program {

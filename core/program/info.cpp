@@ -5,8 +5,8 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/command/json_text.hpp"
 #include "core/spm/coding_sets.hpp"
-#include "json_text.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "commands.hpp"
 #include "core/base/csv.hpp"
-#include "json_text.hpp"
+#include "core/command/json_text.hpp"
 #include "nearmesh/core/query/probe.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/world/world_probe.hpp"

@@ -4,10 +4,10 @@
 
 #include "commands.hpp"
 #include "core/base/csv.hpp"
+#include "core/command/json_text.hpp"
 #include "core/query/contacts_json.hpp"
 #include "core/world/open_tiles.hpp"
 #include "full_world.hpp"
-#include "json_text.hpp"
 #include "query_methods.hpp"
 
 namespace nearmesh::program {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "core/command/json_text.hpp"
 #include "core/world/world_folder.hpp"
-#include "json_text.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {

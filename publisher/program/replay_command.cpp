@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/command/json_text.hpp"
 #include "idl/program/logging.hpp"
 #include "line_commands.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -208,10 +209,7 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
       until_s, stats.messages(), seconds, 1e3 * stats.late.quantile(0.99), stats.requests,
       stats.batches);
   if (stats.failed > 0) spdlog::warn("{} samples could not be sent", stats.failed);
-  if (options.json)
-    std::printf("%s\n", to_json(options, stats, seconds, until_s)
-                            .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                            .c_str());
+  if (options.json) std::printf("%s\n", text_of(to_json(options, stats, seconds, until_s)).c_str());
 }
 
 }  // namespace

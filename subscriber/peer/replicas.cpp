@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replicas.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "core/base/digest.hpp"
@@ -69,12 +68,8 @@ void ReplicaSet::remove(const std::string& name) {
 void ReplicaSet::note_gone(const PeerModel& model) {
   if (!model.is_ready()) return;
   begins_in_ = ++last_era_;
-  for (const wire::SessionId publisher : model.replica->distrusted()) {
-    const std::pair its(model.content_hash, publisher);
-    if (std::find(distrusted_.begin(), distrusted_.end(), its) != distrusted_.end()) continue;
-    distrusted_.push_back(its);
-    if (distrusted_.size() > kMaxDistrusted) distrusted_.pop_front();
-  }
+  for (const wire::SessionId publisher : model.replica->distrusted())
+    distrusted_.put({model.content_hash, publisher}, {});
 }
 
 void ReplicaSet::note_given_up() {
@@ -209,8 +204,9 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   }
   model->world_before.reset();
   model->replica = std::move(replica).value();
-  for (const auto& [content, publisher] : distrusted_)
-    if (content == message.content_hash) model->replica->distrust(publisher);
+  distrusted_.for_each([&](const auto& its, std::monostate) {
+    if (its.first == message.content_hash) model->replica->distrust(its.second);
+  });
   model->noted_give_ups = model->replica->give_ups();  // nothing was here
   model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;

@@ -9,7 +9,10 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <utility>
+#include <variant>
 
+#include "core/base/lru_map.hpp"
 #include "core/broadphase/body_bounds.hpp"
 #include "core/replica/replica.hpp"
 #include "detail_cache.hpp"
@@ -164,7 +167,7 @@ class ReplicaSet {
   std::uint64_t spares_that_came_ = 0;
   std::uint64_t models_left_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
-  std::deque<std::pair<ContentHash, wire::SessionId>> distrusted_;  // the newest last
+  LruMap<std::pair<ContentHash, wire::SessionId>, std::monostate> distrusted_{kMaxDistrusted};
   std::uint32_t last_era_ = 0;
   std::uint32_t begins_in_ =
       0;  // a replica: the era when one was dropped last, for it may be of the same content

@@ -16,6 +16,7 @@
 #include "commands.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/command/json_text.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "idl/dds/interfaces.hpp"
 #include "idl/dds/room.hpp"
@@ -143,9 +144,7 @@ class Doctor {
                                     {"name", finding.name},
                                     {"value", finding.value},
                                     {"text", finding.text}});
-      std::printf(
-          "%s\n",
-          json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+      std::printf("%s\n", text_of(json).c_str());
       return;
     }
     for (const Finding& finding : findings_)

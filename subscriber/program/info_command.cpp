@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/command/json_text.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "subscriber/recorded/survey.hpp"
@@ -95,9 +96,7 @@ Status run(const InfoOptions& options) {
   const Result<Survey> result = survey(*recording.value());
   NEARMESH_RETURN_IF_ERROR(result);
   if (options.json)
-    std::printf("%s\n", to_json(*recording.value(), result.value())
-                            .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)
-                            .c_str());
+    std::printf("%s\n", text_of(to_json(*recording.value(), result.value()), 2).c_str());
   else
     print_text(*recording.value(), result.value());
   return Status::ok();

@@ -13,6 +13,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/command/json_text.hpp"
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
@@ -297,10 +298,7 @@ Outcome run(const StatusOptions& options) {
       monitor.value()->listen(std::min(0.1, options.seconds - clock.seconds()));
     const BusView view = monitor.value()->view();
     if (options.json) {
-      std::printf("%s\n",
-                  to_json(view, options.regions)
-                      .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-                      .c_str());
+      std::printf("%s\n", text_of(to_json(view, options.regions)).c_str());
     } else {
       if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
       print_text(view);

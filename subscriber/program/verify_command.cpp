@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/command/json_text.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "subscriber/recorded/verify.hpp"
 
@@ -197,9 +198,7 @@ Outcome run(const VerifyOptions& options) {
   const VerifyReport& report = result.value();
   for (const std::string& line : report.complaints) spdlog::warn("{}", line);
   if (options.json) {
-    std::printf(
-        "%s\n",
-        to_json(report).dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    std::printf("%s\n", text_of(to_json(report), 2).c_str());
   } else {
     print_text(report);
     std::fprintf(stderr, "%.1f s of session in %.2f s\n",

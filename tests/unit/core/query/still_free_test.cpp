@@ -55,6 +55,16 @@ struct HeldPair {
   }
 };
 
+KeptFree kept_of(const Answer& base, const Pose& then_a, const Pose& then_b) {
+  return {base.clearance_m,
+          base.clearance_share,
+          base.distance_at_most_m,
+          base.nearest_a_m,
+          base.nearest_b_m,
+          then_a,
+          then_b};
+}
+
 struct StillCounts {
   int kept = 0, near_limit = 0, left = 0;
 };
@@ -69,13 +79,7 @@ void check_still(HeldPair& pair, Random& random, const AnswerOptions& options,
   for (double& x : then_b.translation_m) x *= random.between(1, 1.5);
   const Answer base = pair.ask(then_a, then_b, Clearance::kBound);
   if (base.status != AnswerStatus::kFree || !(base.clearance_m > 0)) return;
-  const KeptFree kept{base.clearance_m,
-                      base.clearance_share,
-                      base.distance_at_most_m,
-                      base.nearest_a_m,
-                      base.nearest_b_m,
-                      then_a,
-                      then_b};
+  const KeptFree kept = kept_of(base, then_a, then_b);
   const int lattice = lattice_exponent(pair.a.grid, pair.b.grid);
   double size_m = 2 * base.clearance_m;
   for (int i = 0; i < 12; ++i, size_m *= random.between(0.4, 0.9)) {
@@ -137,13 +141,7 @@ TEST(StillFree, BracketsTheDistanceWhereAPoseStretches) {
   for (const std::size_t i : {0U, 4U, 8U}) then_a.rotation[i] = then_b.rotation[i] = 1 + 4.9e-6;
   const Answer base = pair.truth(then_a, then_b);
   ASSERT_EQ(base.status, AnswerStatus::kFree);
-  const KeptFree kept{base.clearance_m,
-                      base.clearance_share,
-                      base.distance_at_most_m,
-                      base.nearest_a_m,
-                      base.nearest_b_m,
-                      then_a,
-                      then_b};
+  const KeptFree kept = kept_of(base, then_a, then_b);
   const Motion now_a{.pose = then_a}, now_b{.pose = {then_b.rotation, {5.001, 0, 0}}};
   const BodyReach reach_a = reach_of(pair.all_a.view(), now_a),
                   reach_b = reach_of(pair.all_b.view(), now_b);
@@ -163,13 +161,7 @@ TEST(StillFree, AsksWhereMoreIsWanted) {
   const Pose then_a, then_b{.translation_m = {5, 0, 0}};
   const Answer base = pair.ask(then_a, then_b, Clearance::kBound);
   ASSERT_EQ(base.status, AnswerStatus::kFree);
-  const KeptFree kept{base.clearance_m,
-                      base.clearance_share,
-                      base.distance_at_most_m,
-                      base.nearest_a_m,
-                      base.nearest_b_m,
-                      then_a,
-                      then_b};
+  const KeptFree kept = kept_of(base, then_a, then_b);
   const Motion now_a,
       now_b{.pose = {.translation_m = {5.1, 0, 0}}, .linear_velocity_mps = {-9, 0, 0}};
   const BodyReach reach_a = reach_of(pair.a.view(), now_a),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A body at an instant: where it is and how it moves; and where that motion takes it. pose_at is deterministic: + - * / and
-// sqrt only, so every machine gets the same pose for the same instant.
+// A body at an instant: where it is and how it moves; and where that motion takes it. Deterministic: + - * / and sqrt
+// only, so every machine gets the same pose for the same instant.
 
 #include <string_view>
 
