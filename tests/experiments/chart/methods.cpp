@@ -136,14 +136,13 @@ class Stream : public Method {
     state_ = State{.bytes = bodies_[0].header_bytes() + bodies_[1].header_bytes()};
     queue_.clear();
   }
-  State receive(const perf::PosePair& poses, const PosedPair& posed,
-                std::uint64_t max_bytes) override {
+  State receive(const Bodies& bodies, const PosedPair& posed, std::uint64_t max_bytes) override {
     if (state_.bytes > max_bytes) return state_;  // still without base meshes
     state_.finished = false;
     ++version_;
     while (true) {
       take(max_bytes);
-      if (!queue_.empty() || !ask(poses, posed)) break;
+      if (!queue_.empty() || !ask(bodies, posed)) break;
     }
     answer(posed);
     state_.finished = queue_.empty() && state_.finished;
@@ -152,7 +151,7 @@ class Stream : public Method {
 
  protected:
   // Queues what the peer asks for next; false, with state_.finished, where there is nothing.
-  virtual bool ask(const perf::PosePair& poses, const PosedPair& posed) = 0;
+  virtual bool ask(const Bodies& bodies, const PosedPair& posed) = 0;
   virtual void answer(const PosedPair& posed) { guess(posed); }
   virtual void applied(std::size_t /*body*/, const RefineDelta& /*delta*/) {}
 
@@ -211,7 +210,7 @@ class Global : public Stream {
   }
 
  protected:
-  bool ask(const perf::PosePair& /*poses*/, const PosedPair& /*posed*/) override {
+  bool ask(const Bodies& /*bodies*/, const PosedPair& /*posed*/) override {
     if (asked_) {
       state_.finished = true;
       return false;
@@ -275,7 +274,7 @@ class Grid3 : public Stream {
   }
 
  protected:
-  bool ask(const perf::PosePair& /*poses*/, const PosedPair& posed) override {
+  bool ask(const Bodies& /*bodies*/, const PosedPair& posed) override {
     guess(posed);
     bool more = false;
     for (std::size_t i = 0; i < 2; ++i) {
@@ -336,9 +335,10 @@ class Certified : public Stream {
  public:
   enum class Choice : std::uint8_t { kPublisher, kLeast };
 
-  Certified(const Scene& scene, Choice choice)
+  Certified(const Scene& scene, Choice choice, double lookahead_s = 0)
       : Stream(scene),
         choice_(choice),
+        lookahead_s_(lookahead_s),
         served_{perf::Served(scene.a.baked), perf::Served(scene.b.baked)} {}
 
   void start() override {
@@ -357,13 +357,13 @@ class Certified : public Stream {
     trees_[body]->update(delta);
     state_.tree_s += watch.seconds();
   }
-  bool ask(const perf::PosePair& poses, const PosedPair& posed) override {
+  bool ask(const Bodies& bodies, const PosedPair& posed) override {
     exact(posed);
     if (is_certified(answer_.status)) {
       state_.finished = true;
       return false;
     }
-    const bool asked = choice_ == Choice::kLeast ? ask_least() : ask_certificate(poses);
+    const bool asked = choice_ == Choice::kLeast ? ask_least() : ask_certificate(bodies);
     if (asked) ++state_.requests;
     return asked;
   }
@@ -384,11 +384,12 @@ class Certified : public Stream {
   }
 
  private:
-  bool ask_certificate(const perf::PosePair& poses) {
-    CertificateRequest request;
+  bool ask_certificate(const Bodies& bodies) {
+    CertificateRequest request{
+        .horizon_s = static_cast<float>(lookahead_s_), .models = {}, .pairs = {}};
     for (const auto& mirror : mirrors_)
       request.models.push_back({mirror->file().content_hash(), mirror->state(), {}});
-    request.pairs = {relative({.pose = poses.a}, {.pose = poses.b})};
+    request.pairs = {relative(bodies.a, bodies.b)};
     request.pairs[0].b = 1;
     state_.request_bytes += pack_certificate(request).size();
     CertificateMaker maker(std::move(request), {mirrors_[0], mirrors_[1]});
@@ -424,6 +425,7 @@ class Certified : public Stream {
   }
 
   Choice choice_;
+  double lookahead_s_;
   std::array<perf::Served, 2> served_;
   std::array<std::shared_ptr<Mirror>, 2> mirrors_;
   std::array<std::optional<AbTree>, 2> trees_;
@@ -463,12 +465,18 @@ const std::vector<MethodInfo>& methods() {
        [](const Scene& s) -> Made {
          return std::make_unique<Certified>(s, Certified::Choice::kPublisher);
        }},
+      {"certified-ahead", "client",
+       [](const Scene& s) -> Made {
+         return std::make_unique<Certified>(s, Certified::Choice::kPublisher, kLookahead_s);
+       },
+       true},
       {"certified-least", "client",
        [](const Scene& s) -> Made {
          return std::make_unique<Certified>(s, Certified::Choice::kLeast);
        }},
       {"clusters-checked", "client", make_checked_rival},
       {"clusters-chosen", "client", make_chosen_rival},
+      {"clusters-chosen-ahead", "client", make_rival_ahead, true},
       {"triangles-trusted", "server", make_trusted_rival},
   };
   return all;

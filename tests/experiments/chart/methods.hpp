@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "tests/experiments/perf/workloads.hpp"
 
@@ -29,6 +30,13 @@ struct Scene {
   };
   std::vector<Pages> pages{};
 };
+
+/// Where the bodies are, and how they move: in a flight as from the frame before (of the first: to the next), else not at all.
+struct Bodies {
+  Motion a, b;
+};
+inline constexpr double kFrame_s = 0.05;     ///< of a flight
+inline constexpr double kLookahead_s = 0.5;  ///< of methods that look ahead: a session's by default
 
 /// What a method knows after it has received so much. Times are sums since start().
 struct State {
@@ -54,7 +62,7 @@ class Method {
   /// A peer that has just joined.
   virtual void start() = 0;
   /// Receives what comes for the poses until `max_bytes` since start() are reached, then answers. max_bytes never falls.
-  [[nodiscard]] virtual State receive(const perf::PosePair& poses, const PosedPair& posed,
+  [[nodiscard]] virtual State receive(const Bodies& bodies, const PosedPair& posed,
                                       std::uint64_t max_bytes) = 0;
 };
 
@@ -63,6 +71,7 @@ struct MethodInfo {
   /// Whose word a certified answer is: "client" (proved by the peer itself), "server", or "none".
   std::string proof;
   std::unique_ptr<Method> (*make)(const Scene& scene);
+  bool looks_ahead = false;  ///< then only flights are played
 };
 /// All of them, in the order of the charts. The scene must outlive a method.
 [[nodiscard]] const std::vector<MethodInfo>& methods();
@@ -73,6 +82,7 @@ struct MethodInfo {
 // The rivals without a progressive mesh (rivals.cpp).
 [[nodiscard]] std::unique_ptr<Method> make_checked_rival(const Scene& scene);
 [[nodiscard]] std::unique_ptr<Method> make_chosen_rival(const Scene& scene);
+[[nodiscard]] std::unique_ptr<Method> make_rival_ahead(const Scene& scene);
 [[nodiscard]] std::unique_ptr<Method> make_trusted_rival(const Scene& scene);
 
 /// Faces of streamed bodies without which no one could know which faces touch: those whose posed box meets that of a face

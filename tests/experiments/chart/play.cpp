@@ -146,6 +146,19 @@ std::uint64_t header_bytes(const Scene& scene) {
          (scene.b_streamed ? framed(encode_header(scene.b.baked.header).size()) : 0);
 }
 
+Bodies bodies_in(const Scene& scene, std::size_t i) {
+  const perf::PosePair& now = scene.poses[i];
+  Bodies bodies{{.pose = now.a}, {.pose = now.b}};
+  if (!scene.frames) return bodies;
+  const perf::PosePair &before = scene.poses[i == 0 ? 0 : i - 1],
+                       &after = scene.poses[i == 0 ? 1 : i];
+  bodies = {motion_between(before.a, after.a, kFrame_s),
+            motion_between(before.b, after.b, kFrame_s)};
+  bodies.a.pose = now.a;
+  bodies.b.pose = now.b;
+  return bodies;
+}
+
 PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::vector<Truth>& truths,
                        std::FILE* rows) {
   PlayTotals totals;
@@ -168,20 +181,20 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
   for (std::size_t i = 0; i < scene.poses.size(); ++i) {
     if (scene.frames) {
       const std::uint64_t budget = kFrameBytes * (i + 1);
-      State state = method->receive(scene.poses[i], truths[i].posed, budget);
+      State state = method->receive(bodies_in(scene, i), truths[i].posed, budget);
       write("frame", i, budget, state, before);
       before = std::move(state);
       continue;
     }
     method->start();
     for (const std::uint64_t budget : budgets(header)) {
-      const State state = method->receive(scene.poses[i], truths[i].posed, budget);
+      const State state = method->receive(bodies_in(scene, i), truths[i].posed, budget);
       write("pose", i, budget, state, {});
       if (state.finished) break;
     }
     method->start();
     constexpr std::uint64_t kAll = std::uint64_t{1} << 40;
-    write("whole", i, kAll, method->receive(scene.poses[i], truths[i].posed, kAll), {});
+    write("whole", i, kAll, method->receive(bodies_in(scene, i), truths[i].posed, kAll), {});
   }
   return totals;
 }
@@ -281,7 +294,7 @@ PlayTotals play(const Scene& scene, const std::vector<std::string>& only, std::F
   const bool grows = scene.name.starts_with("growth");
   const bool large = scene.a.baked.header.face_count > 2'000'000 || !scene.pages.empty();
   for (const MethodInfo& info : methods()) {
-    if (!wanted(info.name)) continue;
+    if (!wanted(info.name) || (info.looks_ahead && !scene.frames)) continue;
     if (grows && info.name != "certified" &&
         (large || (info.name != "static-full" && info.name != "grid8" &&
                    info.name != "clusters-checked" && info.name != "clusters-chosen")))

@@ -24,6 +24,8 @@ STYLES = {  # method: name in legends, colour, line
     "certified": ("nearmesh, certified batches", "#0b6e4f", "-"),
     "clusters-checked": ("rival: clusters, client checks", "#c1121f", "-"),
     "clusters-chosen": ("rival: clusters and half-spaces, server chooses, client checks", "#c1121f", "--"),
+    "certified-ahead": ("nearmesh, certified, looking ahead", "#0b6e4f", "-"),
+    "clusters-chosen-ahead": ("rival: clusters and half-spaces, server chooses and looks ahead, client checks", "#c1121f", "--"),
     "triangles-trusted": ("rival: triangles, server's word", "#f08a24", "--"),
     "grid8-hoppe": ("paper: 8³ grid, Hoppe closure (reconstruction)", "#264aa8", "-"),
     "grid8": ("8³ grid, ancestor closure", "#5d83de", "--"),
@@ -330,7 +332,7 @@ def first_look(run, name):
     """Why one would use this: bytes of a flight over time, and of one answer over the size of the mesh."""
     figure, (flight, size) = plt.subplots(1, 2, figsize=(11, 4.2), width_ratios=(3, 2))
     second = 20  # frames
-    for method in ("certified", "clusters-checked", "grid8-hoppe", "static-full"):
+    for method in ("certified-ahead", "clusters-chosen-ahead", "grid8-hoppe", "static-full"):
         if not run.has("touching-flight", method):
             continue
         whole, late = (run.last(scene, method) for scene in ("touching-flight", "late-flight"))
@@ -341,7 +343,7 @@ def first_look(run, name):
         right = 100 * statistics.mean(row["correct"] for row in whole)
         sure = "all right, all proved" if whole[-1]["certified"] else f"{right:.0f} % right, none proved"
         flight.annotate(f"{bytes_of(whole[-1]) / 1000:.0f} kB, {sure}", (seconds[-1], bytes_of(whole[-1]) / 1000), fontsize=8,
-                        xytext=(5, 4 if method in ("certified", "grid8-hoppe") else -5), textcoords="offset points",
+                        xytext=(5, 4 if method in ("certified-ahead", "grid8-hoppe") else -5), textcoords="offset points",
                         color=STYLES[method][1], va="center")
     flight.set_xlim(0, 7.6)
     flight.set_xticks(range(6))
@@ -443,6 +445,20 @@ def overhead_table(run):
     return table(["scene"] + methods, rows)
 
 
+def flight_table(run):
+    rows = []
+    for scene in ("touching-flight", "near-flight", "clear-flight"):
+        for method in ("certified", "certified-ahead", "clusters-checked", "clusters-chosen", "clusters-chosen-ahead"):
+            if not run.has(scene, method):
+                continue
+            frames = run.last(scene, method)
+            last = frames[-1]
+            worst = max(now["bytes"] - before["bytes"] for before, now in zip(frames, frames[1:]))
+            rows.append([scene, STYLES[method][0], f"{last['bytes'] / 1000:.1f}", f"{last['request_bytes'] / 1000:.1f}", number(last["requests"]),
+                         f"{worst / 1000:.1f}", f"{sum(int(f['certified']) for f in frames)} of {len(frames)}"])
+    return table(["flight", "method", "received, KB", "asked with, KB", "requests", "worst frame but the first, KB", "certified frames"], rows)
+
+
 PAPER_TABLE_1 = {"paper-sphere": ("Sphere", "496", "2050", "50", "27", "2023", "12"),
                  "paper-bunny": ("Bunny", "37576", "20000", "500", "1406", "18594", "16")}
 PAPER_TABLE_2 = {"paper-sphere": ("Sphere", 0.19, 0.03, 0.09, 0.30, 0.21),
@@ -519,7 +535,7 @@ def main(folder, docs=None):
         if "late-flight" in run.scenes:
             first_look(run, "first_look")
     tables = {"about": about_table(run), "certification": certification_table(run), "budgets": budget_table(run),
-              "first-correct": first_correct_table(run), "overhead": overhead_table(run), "paper-1": paper_table_1(run),
+              "first-correct": first_correct_table(run), "overhead": overhead_table(run), "flights": flight_table(run), "paper-1": paper_table_1(run),
               "paper-2": paper_table_2(run)}
     (run.folder / "tables.md").write_text("\n".join(f"## {name}\n\n{text}" for name, text in tables.items()))
     if docs:

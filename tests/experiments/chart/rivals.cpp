@@ -4,10 +4,10 @@
 //     cluster that its own walk of both trees would open, so it can check that nothing is missing.
 //   clusters-chosen: the same, but the server chooses: of a node that stands in the way it tells half-spaces that part it from the
 //     other body, or opens it, whichever is cheaper in all. The peer can check this, too.
+//   clusters-chosen-ahead: the same, but what is chosen holds at each frame of the time ahead, too.
 //   triangles-trusted: exactly the triangles whose box meets a box of the other body's triangles; that these are all is the
 //     server's word.
-// Bytes: an ideal entropy coder with tables trained on the very mesh, for which nothing is charged; vertices by parallelogram
-// over the gate, triangles by gates. A peer knows no base mesh: before triangles have come it can only say "free".
+// A peer knows no base mesh: before triangles have come it can only say "free".
 
 #include <algorithm>
 #include <cmath>
@@ -15,484 +15,13 @@
 #include <map>
 #include <set>
 
+#include "clusters.hpp"
 #include "core/base/stopwatch.hpp"
-#include "core/query/choose_half_spaces.hpp"
 #include "methods.hpp"
-#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "planner.hpp"
 
 namespace nearmesh::chart {
 namespace {
-
-// ---- bytes of triangles -------------------------------------------------------------------------
-
-// What a symbol costs by its frequency in its context.
-class SymbolCosts {
- public:
-  void count(int context, int symbol) {
-    auto& counts = counts_[context];
-    ++counts[symbol];
-    ++totals_[context];
-  }
-  [[nodiscard]] double bits(int context, int symbol) const {
-    const auto total = totals_.find(context);
-    if (total == totals_.end()) return 8;
-    const auto& counts = counts_.at(context);
-    const auto at = counts.find(symbol);
-    const double times = at == counts.end() ? 0.5 : at->second;
-    return -std::log2(times / total->second);
-  }
-
- private:
-  std::map<int, std::map<int, double>> counts_;
-  std::map<int, double> totals_;
-};
-
-int bit_length(std::int64_t x) {
-  int length = 0;
-  for (std::uint64_t rest = static_cast<std::uint64_t>(std::abs(x)); rest != 0; rest >>= 1)
-    ++length;
-  return length;
-}
-
-enum Context : int {
-  kGate,
-  kKnownRank,
-  kSeedAxis,
-  kGateAxis = kSeedAxis + 3,
-  kBoxAxis = kGateAxis + 3
-};
-enum Gate : int { kEnd, kNew, kKnown, kSeed };
-
-// Calls symbol(context, symbol, raw bits) for all that coding the faces as one piece would emit. Corners that earlier pieces
-// had are sent again.
-template <class Emit>
-void code_faces(const std::vector<TreeFace>& faces, const std::array<std::uint8_t, 3>& shift,
-                const GridPoint& from, const Emit& emit) {
-  std::map<GridPoint, int> numbers;
-  std::vector<GridPoint> points;
-  std::vector<int> recent;  // most recent last
-  std::vector<std::array<int, 3>> corners;
-  std::map<std::pair<int, int>, std::vector<std::size_t>> by_edge;
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    corners.emplace_back();
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [at, is_new] =
-          numbers.try_emplace(faces[f].corners[k], static_cast<int>(points.size()));
-      if (is_new) points.push_back(faces[f].corners[k]);
-      corners[f][k] = at->second;
-    }
-    for (std::size_t k = 0; k < 3; ++k)
-      by_edge[std::minmax(corners[f][k], corners[f][(k + 1) % 3])].push_back(f);
-  }
-  std::vector<bool> sent(points.size()), done(faces.size());
-  GridPoint last = from;
-  const auto emit_offset = [&](int context, const GridPoint& p,
-                               const std::array<std::int64_t, 3>& guess) {
-    for (int k = 0; k < 3; ++k) {
-      const std::int64_t off =
-          (p[k] - guess[static_cast<std::size_t>(k)]) >> shift[static_cast<std::size_t>(k)];
-      const int length = bit_length(off);
-      emit(context + k, length, length);  // sign, and what is below the leading bit
-    }
-  };
-  const auto touch = [&](int v) {
-    const auto at = std::find(recent.rbegin(), recent.rend(), v);
-    const int rank = static_cast<int>(at - recent.rbegin());
-    if (at != recent.rend()) recent.erase(std::next(at).base());
-    recent.push_back(v);
-    return rank;
-  };
-  struct Edge {
-    int u, v, opposite;
-  };
-  for (std::size_t seed = 0; seed < faces.size(); ++seed) {
-    if (done[seed]) continue;
-    done[seed] = true;
-    emit(kGate, kSeed, 0);
-    for (const int v : corners[seed]) {
-      emit(kGate, sent[static_cast<std::size_t>(v)] ? kKnown : kNew, 0);
-      const int rank = touch(v);
-      if (sent[static_cast<std::size_t>(v)]) {
-        emit(kKnownRank, std::min(rank, 63), 0);
-      } else {
-        const GridPoint& p = points[static_cast<std::size_t>(v)];
-        emit_offset(kSeedAxis, p, {last[0], last[1], last[2]});
-        last = p;
-        sent[static_cast<std::size_t>(v)] = true;
-      }
-    }
-    std::deque<Edge> gates;
-    for (std::size_t k = 0; k < 3; ++k)
-      gates.push_back({corners[seed][k], corners[seed][(k + 1) % 3], corners[seed][(k + 2) % 3]});
-    while (!gates.empty()) {
-      const Edge gate = gates.front();
-      gates.pop_front();
-      const auto& beside = by_edge[std::minmax(gate.u, gate.v)];
-      const auto next =
-          std::find_if(beside.begin(), beside.end(), [&](std::size_t f) { return !done[f]; });
-      // A gate whose other side has come is known to both ends.
-      if (next == beside.end()) {
-        if (beside.size() < 2) emit(kGate, kEnd, 0);
-        continue;
-      }
-      done[*next] = true;
-      const auto& at = corners[*next];
-      const int third =
-          *std::find_if(at.begin(), at.end(), [&](int v) { return v != gate.u && v != gate.v; });
-      const auto i = static_cast<std::size_t>(third);
-      emit(kGate, sent[i] ? kKnown : kNew, 0);
-      const int rank = touch(third);
-      if (sent[i]) {
-        emit(kKnownRank, std::min(rank, 63), 0);
-      } else {
-        const GridPoint &u = points[static_cast<std::size_t>(gate.u)],
-                        &v = points[static_cast<std::size_t>(gate.v)],
-                        &w = points[static_cast<std::size_t>(gate.opposite)];
-        std::array<std::int64_t, 3> guess;
-        for (int k = 0; k < 3; ++k)
-          guess[static_cast<std::size_t>(k)] = std::int64_t{u[k]} + v[k] - w[k];
-        emit_offset(kGateAxis, points[i], guess);
-        last = points[i];
-        sent[i] = true;
-      }
-      gates.push_back({gate.u, third, gate.v});
-      gates.push_back({third, gate.v, gate.u});
-    }
-  }
-}
-
-// ---- clusters -----------------------------------------------------------------------------------
-
-struct Node {
-  GridBox box;  // as the peer knows it: rounded outward
-  std::vector<std::uint32_t> children;
-  std::vector<TreeFace> faces;  // of a cluster
-  double bits = 0;              // of the children's boxes, or the faces
-};
-
-// Faces as a tree of boxes, eight children a node, clusters of at most so many; with bits where they are to be sent.
-class Clusters {
- public:
-  Clusters(const perf::Model& model, std::size_t cluster_faces, bool coded)
-      : header_(&model.baked.header), cluster_faces_(cluster_faces) {
-    std::vector<TreeFace> faces;
-    for (const TreeNode& node : model.tree.nodes)
-      for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-        if (const TreeEntry entry = node.entry(lane); entry.kind() == TreeEntry::Kind::kFaces)
-          model.tree.view().for_each_face(entry,
-                                          [&](const TreeFace& face) { faces.push_back(face); });
-    build(faces, 0, faces.size(), box_of(faces, 0, faces.size()));
-    if (coded) train();
-  }
-  [[nodiscard]] const Node& node(std::uint32_t i) const { return nodes_[i]; }
-  [[nodiscard]] std::size_t size() const { return nodes_.size(); }
-  // Bits of these faces as one piece, near `from`.
-  [[nodiscard]] double bits(const std::vector<TreeFace>& faces, const GridPoint& from) const {
-    double sum = 0;
-    code_faces(faces, header_->lattice_shift, from, [&](int context, int symbol, int raw) {
-      sum += costs_.bits(context, symbol) + raw;
-    });
-    return sum;
-  }
-
- private:
-  static GridBox box_of(const std::vector<TreeFace>& faces, std::size_t begin, std::size_t end) {
-    GridBox box;
-    for (std::size_t f = begin; f < end; ++f)
-      for (const GridPoint& p : faces[f].corners) box.add(p);
-    return box;
-  }
-  // The greatest code whose extent is at most x, so that the box stays outside.
-  static std::uint8_t inward_code(std::int64_t x) {
-    std::uint8_t code = box_extent_code(x);
-    while (box_extent(code) > x) --code;
-    return code;
-  }
-  static std::array<std::uint8_t, 6> codes(const GridBox& parent, const GridBox& box) {
-    std::array<std::uint8_t, 6> out;
-    for (int k = 0; k < 3; ++k) {
-      out[static_cast<std::size_t>(2 * k)] = inward_code(std::int64_t{box.lo[k]} - parent.lo[k]);
-      out[static_cast<std::size_t>(2 * k + 1)] =
-          inward_code(std::int64_t{parent.hi[k]} - box.hi[k]);
-    }
-    return out;
-  }
-  static GridBox decoded(const GridBox& parent, const std::array<std::uint8_t, 6>& codes) {
-    GridBox box;
-    for (int k = 0; k < 3; ++k) {
-      box.lo[k] = static_cast<std::int32_t>(parent.lo[k] +
-                                            box_extent(codes[static_cast<std::size_t>(2 * k)]));
-      box.hi[k] = static_cast<std::int32_t>(parent.hi[k] -
-                                            box_extent(codes[static_cast<std::size_t>(2 * k + 1)]));
-    }
-    return box;
-  }
-  std::uint32_t build(std::vector<TreeFace>& faces, std::size_t begin, std::size_t end,
-                      const GridBox& box) {
-    const auto self = static_cast<std::uint32_t>(nodes_.size());
-    nodes_.push_back({box, {}, {}, 0});
-    if (end - begin <= cluster_faces_) {
-      const auto first = faces.begin() + static_cast<std::ptrdiff_t>(begin);
-      nodes_[self].faces.assign(first, faces.begin() + static_cast<std::ptrdiff_t>(end));
-      return self;
-    }
-    std::vector<std::pair<std::size_t, std::size_t>> parts{{begin, end}};
-    for (int level = 0; level < 3; ++level) {
-      std::vector<std::pair<std::size_t, std::size_t>> halves;
-      for (const auto& [from, to] : parts) {
-        if (to - from <= cluster_faces_) {
-          halves.emplace_back(from, to);
-          continue;
-        }
-        const GridBox whole = box_of(faces, from, to);
-        int axis = 0;
-        for (int k = 1; k < 3; ++k)
-          if (std::int64_t{whole.hi[k]} - whole.lo[k] >
-              std::int64_t{whole.hi[axis]} - whole.lo[axis])
-            axis = k;
-        // In whole clusters, so that they are full.
-        const std::size_t clusters = (to - from + cluster_faces_ - 1) / cluster_faces_;
-        const std::size_t middle = from + (clusters / 2) * cluster_faces_;
-        const auto at = [&](std::size_t i) {
-          return faces.begin() + static_cast<std::ptrdiff_t>(i);
-        };
-        std::nth_element(
-            at(from), at(middle), at(to), [axis](const TreeFace& x, const TreeFace& y) {
-              const auto sum = [axis](const TreeFace& f) {
-                return std::int64_t{f.corners[0][axis]} + f.corners[1][axis] + f.corners[2][axis];
-              };
-              return sum(x) != sum(y) ? sum(x) < sum(y) : x.key < y.key;
-            });
-        halves.emplace_back(from, middle);
-        halves.emplace_back(middle, to);
-      }
-      parts = std::move(halves);
-    }
-    for (const auto& [from, to] : parts) {
-      const GridBox part = decoded(box, codes(box, box_of(faces, from, to)));
-      const std::uint32_t child = build(faces, from, to, part);
-      nodes_[self].children.push_back(child);
-    }
-    return self;
-  }
-  template <class Emit>
-  void code_node(const Node& node, const Emit& emit) const {
-    for (const std::uint32_t child : node.children)
-      for (const auto code : codes(node.box, nodes_[child].box)) emit(kBoxAxis, code, 0);
-    const GridPoint& from = node.box.lo;
-    if (!node.faces.empty()) code_faces(node.faces, header_->lattice_shift, from, emit);
-  }
-  void train() {
-    for (const Node& node : nodes_)
-      code_node(node, [&](int context, int symbol, int) { costs_.count(context, symbol); });
-    for (Node& node : nodes_) {
-      node.bits = static_cast<double>(node.children.size());  // inner node or cluster
-      code_node(node, [&](int context, int symbol, int raw) {
-        node.bits += costs_.bits(context, symbol) + raw;
-      });
-    }
-  }
-
-  const SpmHeader* header_;
-  std::size_t cluster_faces_;
-  std::vector<Node> nodes_;
-  SymbolCosts costs_;
-};
-
-// What both ends open: all nodes of a and b that a walk of both trees visits, parents first, and pairs of clusters.
-struct Walk {
-  std::vector<std::uint32_t> a, b;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> clusters;
-};
-
-Walk walk(const Clusters& a, const Clusters& b, const PosedPair& posed) {
-  const RelativeFrame frame = make_relative_frame(posed.a, posed.b);
-  const auto size = [](const Node& node, const Grid& grid) {
-    return std::ldexp(static_cast<double>(size_of(node.box)), grid.exponent);
-  };
-  std::set<std::uint32_t> opened_a, opened_b;
-  Walk found;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> stack{{0, 0}};
-  while (!stack.empty()) {
-    const auto [i, j] = stack.back();
-    stack.pop_back();
-    const Node &x = a.node(i), &y = b.node(j);
-    if (boxes_apart(frame, centered(x.box), centered(y.box))) continue;
-    if (x.children.empty() && y.children.empty()) {
-      opened_a.insert(i);
-      opened_b.insert(j);
-      found.clusters.emplace_back(i, j);
-    } else if (y.children.empty() ||
-               (!x.children.empty() && size(x, posed.a.grid) >= size(y, posed.b.grid))) {
-      opened_a.insert(i);
-      for (const std::uint32_t child : x.children) stack.emplace_back(child, j);
-    } else {
-      opened_b.insert(j);
-      for (const std::uint32_t child : y.children) stack.emplace_back(i, child);
-    }
-  }
-  found.a.assign(opened_a.begin(), opened_a.end());  // a node's number is above its parent's
-  found.b.assign(opened_b.begin(), opened_b.end());
-  std::sort(found.clusters.begin(), found.clusters.end());
-  return found;
-}
-
-// ---- what the server chooses --------------------------------------------------------------------
-
-constexpr double kHalfSpaceBits = kDirectionBits + kReachBits + 2;  // the last: of which node
-constexpr std::size_t kMostHalfSpaces = 3;
-constexpr std::size_t kMostPoints = 20'000, kMostParts = 64, kMostObstacles = 400;
-
-using HalfSpaces = std::map<std::uint32_t, std::vector<HalfSpace>>;  // by node
-
-GridPoint middle_of(const GridBox& box) {
-  GridPoint middle;
-  for (std::size_t k = 0; k < 3; ++k) middle.v[k] = (box.lo.v[k] + box.hi.v[k]) / 2;
-  return middle;
-}
-
-// A part of a body as a peer holds it: the faces of an open cluster, or a box with half-spaces.
-struct Part {
-  CenteredBox box;
-  GridPoint middle;
-  const Node* open = nullptr;
-  std::vector<HalfSpace> half_spaces;
-};
-
-// The cheapest statements about one body that part it from, or hold its faces against, the parts of the other.
-class Planner {
- public:
-  // `other_in_own`, `own_in_other`: of the two frames. What is known costs nothing.
-  Planner(const Clusters& own, const std::set<std::uint32_t>& known, const HalfSpaces& told,
-          const RelativeFrame& other_in_own, const RelativeFrame& own_in_other)
-      : own_(own),
-        known_(known),
-        told_(told),
-        other_in_own_(other_in_own),
-        own_in_other_(own_in_other) {}
-
-  struct Plan {
-    double bits = 0;
-    std::vector<std::uint32_t> opened;  // parents first
-    HalfSpaces told;                    // new ones
-    std::vector<Part> parts;
-  };
-  Plan plan(const std::vector<Part>& others) {
-    std::vector<const Part*> all;
-    for (const Part& part : others) all.push_back(&part);
-    Plan plan{.bits = solve(0, all)};
-    collect(0, plan);
-    return plan;
-  }
-
- private:
-  struct Choice {
-    bool opens = false;
-    std::vector<HalfSpace> half_spaces;
-  };
-
-  [[nodiscard]] std::vector<HalfSpace> known_of(std::uint32_t i) const {
-    const auto at = told_.find(i);
-    return at == told_.end() ? std::vector<HalfSpace>() : at->second;
-  }
-  [[nodiscard]] bool is_clear(const Part& own, const Part& other) const {
-    const Obstacle theirs{&other_in_own_, {}, other.box, {}}, ours{&own_in_other_, {}, own.box, {}};
-    const auto clears = [](const Part& part, const Obstacle& obstacle) {
-      return std::any_of(part.half_spaces.begin(), part.half_spaces.end(),
-                         [&](HalfSpace h) { return keeps_clear(h, part.middle, obstacle); });
-    };
-    return boxes_apart(other_in_own_, own.box, other.box) || clears(own, theirs) ||
-           clears(other, ours);
-  }
-  [[nodiscard]] Part part_of(std::uint32_t i) const {
-    const GridBox& box = own_.node(i).box;
-    return {centered(box), middle_of(box), nullptr, known_of(i)};
-  }
-  // Empty: half-spaces cannot do it. `clear`: nothing stands in the way after all.
-  std::vector<HalfSpace> choose(std::uint32_t i, const Part& own,
-                                const std::vector<const Part*>& close, bool& clear) const {
-    if (close.size() > kMostParts) return {};
-    std::vector<Obstacle> obstacles;
-    for (const Part* part : close) {
-      if (part->open == nullptr) obstacles.push_back({&other_in_own_, {}, part->box, {}});
-      if (part->open == nullptr) continue;
-      for (const TreeFace& face : part->open->faces)
-        if (const DoubleTriangle triangle = to_a_units(other_in_own_, face.corners);
-            !box_triangle_apart(other_in_own_, own.box, triangle))
-          obstacles.push_back({&other_in_own_, triangle, {}, {}});
-    }
-    std::erase_if(obstacles, [&](const Obstacle& obstacle) {
-      return std::any_of(own.half_spaces.begin(), own.half_spaces.end(),
-                         [&](HalfSpace h) { return keeps_clear(h, own.middle, obstacle); });
-    });
-    clear = obstacles.empty();
-    if (clear || obstacles.size() > kMostObstacles) return {};
-    std::vector<GridPoint> points;
-    if (!gather(i, points)) return {};
-    ChosenHalfSpaces chosen = choose_half_spaces(points, own.middle, obstacles, kMostHalfSpaces);
-    return chosen.left == 0 ? std::move(chosen.half_spaces) : std::vector<HalfSpace>();
-  }
-  bool gather(std::uint32_t i, std::vector<GridPoint>& points) const {
-    const Node& node = own_.node(i);
-    for (const TreeFace& face : node.faces)
-      points.insert(points.end(), face.corners.begin(), face.corners.end());
-    return points.size() <= kMostPoints &&
-           std::all_of(node.children.begin(), node.children.end(),
-                       [&](std::uint32_t child) { return gather(child, points); });
-  }
-  double solve(std::uint32_t i, const std::vector<const Part*>& above) {
-    const Part own = part_of(i);
-    std::vector<const Part*> close;
-    for (const Part* part : above)
-      if (!is_clear(own, *part)) close.push_back(part);
-    choices_[i] = {};
-    if (close.empty()) return 0;
-    bool clear = false;
-    std::vector<HalfSpace> half_spaces = choose(i, own, close, clear);
-    if (clear) return 0;
-    const Node& node = own_.node(i);
-    double open_bits = known_.contains(i) ? 0 : node.bits;
-    const double told_bits = kHalfSpaceBits * static_cast<double>(half_spaces.size());
-    if (half_spaces.empty() || open_bits < told_bits)
-      for (const std::uint32_t child : node.children) open_bits += solve(child, close);
-    if (half_spaces.empty() || open_bits < told_bits) {
-      choices_[i].opens = true;
-      return open_bits;
-    }
-    choices_[i].half_spaces = std::move(half_spaces);
-    return told_bits;
-  }
-  void collect(std::uint32_t i, Plan& plan) const {
-    const Choice& choice = choices_.at(i);
-    const Node& node = own_.node(i);
-    if (choice.opens) plan.opened.push_back(i);
-    if (choice.opens && node.faces.empty()) {
-      for (const std::uint32_t child : node.children) collect(child, plan);
-      return;
-    }
-    Part part = part_of(i);
-    if (choice.opens) part.open = &node;
-    part.half_spaces.insert(part.half_spaces.end(), choice.half_spaces.begin(),
-                            choice.half_spaces.end());
-    if (!choice.half_spaces.empty()) plan.told[i] = choice.half_spaces;
-    plan.parts.push_back(std::move(part));
-  }
-
-  const Clusters& own_;
-  const std::set<std::uint32_t>& known_;
-  const HalfSpaces& told_;
-  const RelativeFrame &other_in_own_, &own_in_other_;
-  std::map<std::uint32_t, Choice> choices_;
-};
-
-// A body of which all clusters are open.
-std::vector<Part> all_open(const Clusters& clusters) {
-  std::vector<Part> parts;
-  for (std::uint32_t i = 0; i < clusters.size(); ++i)
-    if (const Node& node = clusters.node(i); !node.faces.empty())
-      parts.push_back({centered(node.box), middle_of(node.box), &node, {}});
-  return parts;
-}
 
 using FaceSet = std::map<FaceKey, TreeFace>;
 
@@ -556,13 +85,12 @@ class Rival : public Method {
     carried_ = 0;
     forget();
   }
-  State receive(const perf::PosePair& /*poses*/, const PosedPair& posed,
-                std::uint64_t max_bytes) override {
+  State receive(const Bodies& bodies, const PosedPair& posed, std::uint64_t max_bytes) override {
     if (!asked_ || !same(*asked_, posed)) {
       Stopwatch watch;
       const Walk walked = walk(a_, b_, posed);
       state_.query_s += watch.seconds();  // the peer's own walk, too
-      std::deque<Piece> more = select(posed, walked);
+      std::deque<Piece> more = select(bodies, posed, walked);
       asked_ = posed;
       // A peer whose own walk finds all nodes open asks nothing; who trusts must ask each time.
       if (!more.empty() || asks_always()) {
@@ -583,7 +111,8 @@ class Rival : public Method {
     double bits;
     std::vector<TreeFace> faces;
   };
-  virtual std::deque<Piece> select(const PosedPair& posed, const Walk& walked) = 0;
+  virtual std::deque<Piece> select(const Bodies& bodies, const PosedPair& posed,
+                                   const Walk& walked) = 0;
   [[nodiscard]] virtual bool asks_always() const = 0;
   virtual void forget() {}
 
@@ -671,7 +200,8 @@ class CheckedRival : public Rival {
   explicit CheckedRival(const Scene& scene) : Rival(scene) {}
 
  protected:
-  std::deque<Piece> select(const PosedPair& /*posed*/, const Walk& walked) override {
+  std::deque<Piece> select(const Bodies& /*bodies*/, const PosedPair& /*posed*/,
+                           const Walk& walked) override {
     std::deque<Piece> pieces;
     const auto add = [&](std::size_t body, const std::vector<std::uint32_t>& opened,
                          const Clusters& clusters) {
@@ -697,26 +227,15 @@ class CheckedRival : public Rival {
 
 class ChosenRival : public Rival {
  public:
-  explicit ChosenRival(const Scene& scene) : Rival(scene), open_{all_open(a_), all_open(b_)} {}
+  ChosenRival(const Scene& scene, double lookahead_s)
+      : Rival(scene), lookahead_s_(lookahead_s), open_{all_open(a_), all_open(b_)} {}
 
  protected:
-  // One body is planned against all faces of the other, that one against what the peer will hold of the first; the cheaper of
-  // both orders. Whatever is not open of the second was parted from all of the first, and the other way round.
-  std::deque<Piece> select(const PosedPair& posed, const Walk& /*walked*/) override {
-    const RelativeFrame b_in_a = make_relative_frame(posed.a, posed.b),
-                        a_in_b = make_relative_frame(posed.b, posed.a);
-    const auto plan_of = [&](std::size_t body, const std::vector<Part>& others) {
-      return Planner(body == 0 ? a_ : b_, known_[body], told_[body], body == 0 ? b_in_a : a_in_b,
-                     body == 0 ? a_in_b : b_in_a)
-          .plan(others);
-    };
-    std::array<Planner::Plan, 2> plans{plan_of(0, open_[1]), {}};
-    if (scene_.b_streamed) {
-      plans[1] = plan_of(1, plans[0].parts);
-      Planner::Plan b_first = plan_of(1, open_[0]), a_second = plan_of(0, b_first.parts);
-      if (b_first.bits + a_second.bits < plans[0].bits + plans[1].bits)
-        plans = {std::move(a_second), std::move(b_first)};
-    }
+  std::deque<Piece> select(const Bodies& bodies, const PosedPair& posed,
+                           const Walk& /*walked*/) override {
+    std::array<Planner::Plan, 2> plans = choose({posed});
+    if (lookahead_s_ > 0 && (needs_more(0, plans[0]) || needs_more(1, plans[1])))
+      plans = choose(instants_ahead(bodies, posed));
     std::deque<Piece> pieces;
     for (std::size_t body = 0; body < 2; ++body) {
       for (const std::uint32_t i : plans[body].opened)
@@ -739,6 +258,45 @@ class ChosenRival : public Rival {
   }
 
  private:
+  // One body is planned against all faces of the other, that one against what the peer will hold of the first; the cheaper of
+  // both orders. Whatever is not open of the second was parted from all of the first, and the other way round.
+  [[nodiscard]] std::array<Planner::Plan, 2> choose(const std::vector<PosedPair>& times) const {
+    std::array<std::vector<Instant>, 2> instants;
+    for (const PosedPair& posed : times) {
+      const RelativeFrame b_in_a = make_relative_frame(posed.a, posed.b),
+                          a_in_b = make_relative_frame(posed.b, posed.a);
+      instants[0].push_back({b_in_a, a_in_b});
+      instants[1].push_back({a_in_b, b_in_a});
+    }
+    const auto plan_of = [&](std::size_t body, const std::vector<Part>& others) {
+      return Planner(body == 0 ? a_ : b_, known_[body], told_[body], instants[body]).plan(others);
+    };
+    std::array<Planner::Plan, 2> plans{plan_of(0, open_[1]), {}};
+    if (!scene_.b_streamed) return plans;
+    plans[1] = plan_of(1, plans[0].parts);
+    Planner::Plan b_first = plan_of(1, open_[0]), a_second = plan_of(0, b_first.parts);
+    if (b_first.bits + a_second.bits < plans[0].bits + plans[1].bits)
+      plans = {std::move(a_second), std::move(b_first)};
+    return plans;
+  }
+  [[nodiscard]] bool needs_more(std::size_t body, const Planner::Plan& plan) const {
+    return !plan.told.empty() ||
+           std::any_of(plan.opened.begin(), plan.opened.end(),
+                       [&](std::uint32_t i) { return !known_[body].contains(i); });
+  }
+  // Now, and each frame ahead if the bodies move on as they do.
+  [[nodiscard]] std::vector<PosedPair> instants_ahead(const Bodies& bodies,
+                                                      const PosedPair& posed) const {
+    std::vector<PosedPair> times{posed};
+    for (int frame = 1; frame * kFrame_s <= lookahead_s_ + kFrame_s / 2; ++frame)
+      times.push_back(pose_pair(scene_.a.baked.header.grid, pose_at(bodies.a, frame * kFrame_s),
+                                "a", scene_.b.baked.header.grid,
+                                pose_at(bodies.b, frame * kFrame_s), "b")
+                          .value());
+    return times;
+  }
+
+  const double lookahead_s_;
   const std::array<std::vector<Part>, 2> open_;
   std::array<std::set<std::uint32_t>, 2> known_;
   std::array<HalfSpaces, 2> told_;
@@ -750,7 +308,8 @@ class TrustedRival : public Rival {
 
  protected:
   // Pieces of some 8 triangles so that what has come can be used; coded as one.
-  std::deque<Piece> select(const PosedPair& posed, const Walk& walked) override {
+  std::deque<Piece> select(const Bodies& /*bodies*/, const PosedPair& posed,
+                           const Walk& walked) override {
     std::deque<Piece> pieces;
     const auto found = candidates(a_, b_, posed, walked);
     for (std::size_t body = 0; body < (scene_.b_streamed ? 2U : 1U); ++body) {
@@ -786,7 +345,10 @@ std::unique_ptr<Method> make_checked_rival(const Scene& scene) {
   return std::make_unique<CheckedRival>(scene);
 }
 std::unique_ptr<Method> make_chosen_rival(const Scene& scene) {
-  return std::make_unique<ChosenRival>(scene);
+  return std::make_unique<ChosenRival>(scene, 0);
+}
+std::unique_ptr<Method> make_rival_ahead(const Scene& scene) {
+  return std::make_unique<ChosenRival>(scene, kLookahead_s);
 }
 std::unique_ptr<Method> make_trusted_rival(const Scene& scene) {
   return std::make_unique<TrustedRival>(scene);
