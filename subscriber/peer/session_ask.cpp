@@ -193,11 +193,7 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   if (!region_request) return false;
   send_request(*publisher, priority,
                {.content_hash = model.content_hash, .region = std::move(*region_request)});
-  outstanding[model.content_hash] = {.request = last_request,
-                                     .priority = priority,
-                                     .heard_s = clock.seconds(),
-                                     .patience_s = patience_with(*publisher),
-                                     .publisher = publisher->hello.publisher};
+  open_request(model.content_hash, *publisher, {.priority = priority});
   ++stats.requests;
   return true;
 }
@@ -250,12 +246,27 @@ void Session::Impl::count_lost(const Outstanding& lost) {
   }
 }
 
-// How long to wait for its answer: doubled with each one that did not come, for it may need long.
-double Session::Impl::patience_with(const Publisher& publisher) const {
+// How long to wait for an answer: doubled with each one in a row that did not come, for it may need long.
+double Session::Impl::patience_after(std::uint32_t lost_requests) const {
   constexpr std::uint32_t kMostDoublings = 20;
   return std::min(std::ldexp(options.request_timeout_s,
-                             static_cast<int>(std::min(publisher.lost_requests, kMostDoublings))),
+                             static_cast<int>(std::min(lost_requests, kMostDoublings))),
                   std::max(options.request_timeout_s, kMaxPatience_s));
+}
+
+// The request that was sent last, in place of what was asked of this content before. Whatever else the publisher sends meanwhile says that it
+// lives, not that it has had the time for this: without a count of its own a long answer would be begun again and again.
+void Session::Impl::open_request(const ContentHash& content, const Publisher& publisher,
+                                 Outstanding open) {
+  if (const auto before = outstanding.find(content);
+      before != outstanding.end() && before->second.publisher == publisher.hello.publisher &&
+      is_lost(before->second))
+    open.lost_before = before->second.lost_before + 1;
+  open.request = last_request;
+  open.heard_s = clock.seconds();
+  open.patience_s = patience_after(std::max(publisher.lost_requests, open.lost_before));
+  open.publisher = publisher.hello.publisher;
+  outstanding[content] = open;
 }
 
 void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {

@@ -191,13 +191,8 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
   send_request(publisher, priority, {.certificate = std::move(certificate)});
   ++stats.requests;
   for (PeerModel* model : models)
-    outstanding[model->content_hash] = {.request = last_request,
-                                        .priority = priority,
-                                        .heard_s = clock.seconds(),
-                                        .patience_s = patience_with(publisher),
-                                        .publisher = id,
-                                        .is_certificate = true,
-                                        .has_told_held = has_told_held};
+    open_request(model->content_hash, publisher,
+                 {.priority = priority, .is_certificate = true, .has_told_held = has_told_held});
   for (Pair* pair : asked.first(count)) {
     const Pair::Asked last = pair->asked;
     pair->asked = {.request = last_request, .states = states_of(*pair)};

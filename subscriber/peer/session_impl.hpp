@@ -113,6 +113,7 @@ struct Outstanding {
   bool is_certificate = false;    // bodies were told, no region
   bool has_told_held = false;     // and what is held of all models
   bool is_counted = false;        // as lost
+  std::uint32_t lost_before = 0;  // of the same publisher and content, in a row
 };
 
 struct Publisher {
@@ -542,7 +543,8 @@ struct Session::Impl {
     return clock.seconds() - open.heard_s >= open.patience_s;
   }
   void count_lost(const Outstanding& lost);
-  [[nodiscard]] double patience_with(const Publisher& publisher) const;
+  [[nodiscard]] double patience_after(std::uint32_t lost_requests) const;
+  void open_request(const ContentHash& content, const Publisher& publisher, Outstanding open);
   [[nodiscard]] std::string why_no_mesh(const PeerModel& model) const;
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello);

@@ -317,11 +317,7 @@ void Session::Impl::ask_for_bytes() {
                  {.content_hash = content, .region = content_bytes_request()});
     ++stats.requests;
     ++open_count;
-    outstanding[content] = {.request = last_request,
-                            .priority = kNeededNow,
-                            .heard_s = clock.seconds(),
-                            .patience_s = patience_with(*publisher),
-                            .publisher = publisher->hello.publisher};
+    open_request(content, *publisher, {.priority = kNeededNow});
   }
 }
 

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/subscriber/peer/session.hpp"
 
+#include <chrono>
+#include <cmath>
 #include <limits>
+#include <thread>
 
 #include "bad_motions.hpp"
 #include "core/base/hash.hpp"
@@ -727,6 +730,30 @@ TEST(Session, TellsWhyARequestWasRefused) {
   world.fly(*session, flight, 0, 1, 10);
   EXPECT_TRUE(world.has_complaint("publisher refused request 1: out of splits"));
   EXPECT_EQ(session->stats().requests, requests) << "a refusal is not asked for at once again";
+}
+
+// A large answer may need longer than the time-out. What the publisher sends meanwhile, for others' models here, must not have it begun anew for
+// ever.
+TEST(Session, WaitsLongerEachTimeThoughThePublisherSendsSomethingElse) {
+  constexpr double kTimeout_s = 0.004;
+  World world;
+  world.start_publisher();
+  const auto session = world.make_peer({.request_timeout_s = kTimeout_s});
+  world.bus.accept_batches = false;
+  const Flight flight = make_flight(1);
+  const Stopwatch watch;
+  for (std::uint32_t sequence = 1; sequence <= 100; ++sequence) {
+    wire::SplitBatchMessage other{
+        .publisher = kPublisher, .content_hash = {0, 12345}, .sequence = sequence};
+    other.bytes = {1, 2, 3};
+    world.bus.inject(kPeer, other);
+    world.round(*session, 0, {{kOne, flight.one[0]}, {kTwo, flight.two[0]}});
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  // Of two models at most, and the first of each at once.
+  const double most = 2 * (2 + std::log2(watch.seconds() / kTimeout_s));
+  EXPECT_GT(session->stats().requests, 1U);
+  EXPECT_LE(static_cast<double>(session->stats().requests), most);
 }
 
 // ---- budget and memory --------------------------------------------------------------------------
