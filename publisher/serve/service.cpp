@@ -175,9 +175,13 @@ void Service::take_requests(double now_s) {
     const Kind kind = kind_of(subscription);
     // A request names the peer's unresolved nodes, or says what it holds, as that is now: it replaces what is open and what waits
     // for its models. Audits stand apart.
-    std::erase_if(peer.queue, [&](const Waiting& waiting) {
-      return (waiting.kind == Kind::kAudit) == (kind == Kind::kAudit) &&
-             is_about(subscription, waiting.message.content_hash);
+    std::erase_if(peer.queue, [&](Waiting& waiting) {
+      if ((waiting.kind == Kind::kAudit) != (kind == Kind::kAudit) ||
+          !is_about(subscription, waiting.message.content_hash))
+        return false;
+      if (waiting.kind != Kind::kCertificate || !waiting.message.last) return true;
+      waiting.message.bytes.clear();  // for its other models it ends what was asked, all the same
+      return false;
     });
     const ContentHash& content = subscription.content_hash;
     const bool stands_alone =

@@ -270,6 +270,11 @@ void Session::Impl::open_request(const ContentHash& content, const Publisher& pu
 }
 
 void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
+  // What nobody wants any more, and was not answered.
+  std::erase_if(outstanding, [this](const auto& entry) {
+    return is_lost(entry.second) && replicas.find(entry.first) == nullptr &&
+           !wanted_bytes.contains(entry.first);
+  });
   ask_for_bytes();
   ask_for_probes();
   ask_certificates(budget, report);

@@ -8,6 +8,7 @@
 
 #include "core/base/hash.hpp"
 #include "core/certificate/certificate.hpp"
+#include "core/certificate/mirror.hpp"
 #include "core/query/lacking_ahead.hpp"
 #include "core/replica/held_nodes.hpp"
 #include "session_impl.hpp"
@@ -17,7 +18,8 @@ namespace {
 
 /// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
 constexpr int kMaxFruitless = 2;
-/// Who holds so much that it takes more bytes to tell names what it lacks itself: that takes some kilobytes.
+/// Who holds so much that it takes more bytes to tell, or more splits than a publisher listens to, names what it lacks itself: that takes
+/// some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
 /// Of both models of a pair that are ready.
@@ -49,26 +51,29 @@ bool Session::Impl::is_lacking_soon(const Pair& pair, std::uint64_t max_tests) c
   return lacking.is_ok() && !lacking.value().is_nothing();
 }
 
+bool Session::Impl::has_open(const ContentHash& content) const {
+  const auto open = outstanding.find(content);
+  return open != outstanding.end() && !is_lost(open->second);
+}
+
 // Somebody serves it, no request about it is open, and what came is taken in.
 bool Session::Impl::may_ask_for(const PeerModel& model) {
-  const auto open = outstanding.find(model.content_hash);
-  return model.waiting.empty() && (open == outstanding.end() || is_lost(open->second)) &&
+  return model.waiting.empty() && !has_open(model.content_hash) &&
          publisher_of(model.content_hash) != nullptr;
 }
 
-// A request is open that concerns the pair, or tells this publisher of bodies: it answers one at a time.
-bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const {
-  return std::any_of(outstanding.begin(), outstanding.end(), [&](const auto& entry) {
-    const auto& [content, open] = entry;
-    return !is_lost(open) &&
-           (content == pair.a->model->content_hash || content == pair.b->model->content_hash ||
-            (open.is_certificate && open.publisher == publisher));
-  });
+// The publishers that were told where bodies are, and have not answered: each answers one such request at a time.
+std::set<wire::SessionId> Session::Impl::told_of_bodies() const {
+  std::set<wire::SessionId> told;
+  for (const auto& [content, open] : outstanding)
+    if (open.is_certificate && !is_lost(open)) told.insert(open.publisher);
+  return told;
 }
 
 // The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
+  const std::set<wire::SessionId> told = told_of_bodies();
   for (std::size_t i = 0; i < listed.size(); ++i) {
     if (report.answers[i].put_off) continue;
     Pair& pair = *listed[i];
@@ -82,7 +87,9 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
                      pair.asked.fruitless >= kMaxFruitless;
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
-    if (has_open(publisher->hello.publisher, pair)) continue;
+    if (told.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
+        has_open(b.content_hash))
+      continue;
     if (const Need need = need_of(pair, report.answers[i]); need != Need::kNothing)
       candidates.push_back({&pair, need});
   }
@@ -178,7 +185,9 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     said.state = model->replica->mesh().state_hash();
     const bool is_new = model->told != id && model->replica->mesh().split_count() > 0;
     if (model->tells_held || is_new) said.held = held_nodes(*model->replica).bits;
-    model->is_too_much_to_tell = said.held.size() > kMaxToldBytes;
+    model->is_too_much_to_tell =
+        said.held.size() > kMaxToldBytes ||
+        (!said.held.empty() && model->replica->mesh().split_count() > MirrorMaker::kMostHeld);
     is_too_much |= model->is_too_much_to_tell;
     has_told_held &= !said.held.empty();
   }

@@ -121,15 +121,15 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
-  bool wants_regions = false;   // it chooses nothing itself
+  bool wants_regions = false;       // it chooses nothing itself
+  std::set<ContentHash> announced;  // by the hello: looked at for each pair
   std::set<ContentHash> parts;  // pages and tiles of worlds that it serves, as far as they are used
 
   [[nodiscard]] bool serves(const ContentHash& content) const {
-    return parts.contains(content) || announces(content);
+    return announces(content) || parts.contains(content);
   }
   [[nodiscard]] bool announces(const ContentHash& content) const {
-    return std::any_of(hello.models.begin(), hello.models.end(),
-                       [&](const auto& model) { return model.content_hash == content; });
+    return announced.contains(content);
   }
 };
 
@@ -508,7 +508,8 @@ struct Session::Impl {
   [[nodiscard]] bool is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const;
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
                            std::uint8_t priority);
-  [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;
+  [[nodiscard]] bool has_open(const ContentHash& content) const;
+  [[nodiscard]] std::set<wire::SessionId> told_of_bodies() const;
   enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, Scope scope);

@@ -176,9 +176,12 @@ void Session::Impl::take_hello(const wire::Hello& hello) {
       return clock.seconds() - open.second.heard_s >= options.request_timeout_s ||
              (asked != publishers.end() && asked->second.lost_requests > 0);
     });
-  publishers[hello.publisher].hello = hello;
-  publishers[hello.publisher].lost_requests = 0;
-  publishers[hello.publisher].wants_regions = false;
+  Publisher& publisher = publishers[hello.publisher];
+  publisher.hello = hello;
+  publisher.announced.clear();
+  for (const auto& model : hello.models) publisher.announced.insert(model.content_hash);
+  publisher.lost_requests = 0;
+  publisher.wants_regions = false;
   has_news = true;
 }
 

@@ -778,6 +778,45 @@ TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
   }
 }
 
+// A request for one model replaces what waits of a certificate for it. Of its other model the peer waits for the end.
+TEST(Service, ACertificateEndsThoughWhatWaitedOfItWasReplaced) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(64, 7), 32);  // the same ground
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("other", ModelFile::open(path->path()).value()).message(), "");
+  const ContentHash other = ModelFile::open(path->path()).value().content_hash();
+
+  wire::RegionSubscription both = telling(1, kPeer, {desk.hash(), 0, {}});
+  both.window_bytes = 3000;
+  both.certificate->models.push_back({other, 0, {}});
+  both.certificate->pairs = {{.b = 1}};
+  desk.bus.inject(both);
+  desk.service.step(0);
+  std::uint32_t sequence = 0;
+  for (const auto& message : desk.received()) {
+    EXPECT_FALSE(message.last);
+    sequence = message.sequence;
+  }
+  ASSERT_GT(sequence, 0U);
+  for (const std::uint32_t number : {2U, 3U}) {
+    wire::RegionSubscription one = desk.request(number, 10);
+    one.acknowledged_sequence = sequence;
+    if (number == 3) one.content_hash = other;
+    desk.bus.inject(one);
+  }
+  std::vector<std::uint32_t> ended;
+  for (int i = 0; i < 50; ++i) {
+    desk.service.step(0);
+    for (const auto& message : desk.received()) {
+      sequence = message.sequence;
+      if (message.last) ended.push_back(message.request);
+    }
+    desk.bus.inject(desk.credit(sequence));
+  }
+  std::sort(ended.begin(), ended.end());
+  EXPECT_EQ(ended, (std::vector<std::uint32_t>{1, 2, 3}));
+}
+
 TEST(Service, NothingIsMadeThatWouldOnlyWait) {
   Desk desk;
   Endless endless(desk);
