@@ -73,31 +73,26 @@ function(nearmesh_find_sources out)
   set(${out} ${found} PARENT_SCOPE)
 endfunction()
 
-# nearmesh_join_rooms(TARGET SOURCES...): where sources are compiled many at once (CMAKE_UNITY_BUILD), those of a room are one
-# file. Highway compiles a file once for each instruction set: such a file stays alone.
-function(nearmesh_join_rooms target)
-  set_target_properties(${target} PROPERTIES UNITY_BUILD_MODE GROUP)
-  foreach(source ${ARGN})
-    cmake_path(GET source PARENT_PATH folder)
-    cmake_path(GET folder FILENAME room)
-    file(STRINGS ${source} for_each_target REGEX "foreach_target" LIMIT_COUNT 1)
-    if(NOT for_each_target)
-      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${room})
-    endif()
-  endforeach()
-endfunction()
-
-# nearmesh_add_library(NAME [INSTALLED] FOLDERS ... [SOURCES generated ...] [USES ...] [PRIVATE_USES ...])
+# nearmesh_add_library(NAME [INSTALLED] FOLDERS ... [SOURCES generated ...] [USES ...] [PRIVATE_USES ...] [FOR_EACH_TARGET ...])
 # The static library nearmesh_NAME, alias nearmesh::NAME, of these rooms. Its public headers lie in include/nearmesh beside
 # the rooms. INSTALLED: with those headers; else it serves the programs and tests of this project alone.
+# Where sources are compiled many at once (CMAKE_UNITY_BUILD), those of a room are one file, but for these FOR_EACH_TARGET: Highway
+# compiles such a file once for each instruction set, so it stands alone.
 function(nearmesh_add_library name)
-  cmake_parse_arguments(ARG "INSTALLED" "" "FOLDERS;SOURCES;USES;PRIVATE_USES" ${ARGN})
+  cmake_parse_arguments(ARG "INSTALLED" "" "FOLDERS;SOURCES;USES;PRIVATE_USES;FOR_EACH_TARGET" ${ARGN})
   nearmesh_find_sources(sources ${ARG_FOLDERS})
   list(REMOVE_ITEM sources ${CMAKE_CURRENT_SOURCE_DIR}/program/main.cpp)  # the program itself
   add_library(nearmesh_${name} STATIC ${sources} ${ARG_SOURCES})
   add_library(nearmesh::${name} ALIAS nearmesh_${name})
-  nearmesh_join_rooms(nearmesh_${name} ${sources})
-  set_target_properties(nearmesh_${name} PROPERTIES EXPORT_NAME ${name})
+  set_target_properties(nearmesh_${name} PROPERTIES EXPORT_NAME ${name} UNITY_BUILD_MODE GROUP)
+  list(TRANSFORM ARG_FOR_EACH_TARGET PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+  foreach(source ${sources})
+    if(NOT source IN_LIST ARG_FOR_EACH_TARGET)
+      cmake_path(GET source PARENT_PATH folder)
+      cmake_path(GET folder FILENAME room)
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${room})
+    endif()
+  endforeach()
   target_compile_features(nearmesh_${name} PUBLIC cxx_std_20)
   target_include_directories(nearmesh_${name} PUBLIC
     $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>

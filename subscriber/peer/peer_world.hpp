@@ -20,6 +20,8 @@ class PeerWorld {
   [[nodiscard]] const WorldRecord& record() const { return record_; }
   [[nodiscard]] const ContentHash& name() const { return name_; }
   [[nodiscard]] const WorldPage* root() const { return root_ ? &*root_ : nullptr; }
+  /// It is not here, and did not come as what is no root of this world.
+  [[nodiscard]] bool wants_root() const { return !root_ && !faulty_.contains(record_.root); }
   /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by tiles_around(). Out: the root came.
   bool take_page(const ContentHash& content, std::span<const std::uint8_t> bytes);
   /// Pages go by their content: those that the world before shares with this one are here then.

@@ -64,16 +64,16 @@ bool Session::Impl::may_ask_for(const PeerModel& model) {
 
 // The publishers that were told where bodies are, and have not answered: each answers one such request at a time.
 std::set<wire::SessionId> Session::Impl::told_of_bodies() const {
-  std::set<wire::SessionId> told;
+  std::set<wire::SessionId> found;
   for (const auto& [content, open] : outstanding)
-    if (open.is_certificate && !is_lost(open)) told.insert(open.publisher);
-  return told;
+    if (open.is_certificate && !is_lost(open)) found.insert(open.publisher);
+  return found;
 }
 
 // The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
-  const std::set<wire::SessionId> told = told_of_bodies();
+  const std::set<wire::SessionId> at_work = told_of_bodies();
   for (std::size_t i = 0; i < listed.size(); ++i) {
     if (report.answers[i].put_off) continue;
     Pair& pair = *listed[i];
@@ -87,7 +87,7 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
                      pair.asked.fruitless >= kMaxFruitless;
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
-    if (told.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
+    if (at_work.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
         has_open(b.content_hash))
       continue;
     if (const Need need = need_of(pair, report.answers[i]); need != Need::kNothing)

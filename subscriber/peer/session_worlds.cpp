@@ -72,11 +72,11 @@ void Session::Impl::join_tiles(FrameReport& report) {
   world_pairs.clear();
   for (auto& [id, publisher] : publishers) publisher.parts.clear();
   for (const auto& [name, model] : replicas.all())
-    if (model.world && model.world->root() == nullptr)
+    if (model.world && model.world->wants_root())
       want_bytes(model.world->record().root, model.world->name(), true);
   replicas.prepare_coming();
   for (const auto& [name, model] : replicas.all())
-    if (model.coming.world && model.coming.world->root() == nullptr)
+    if (model.coming.world && model.coming.world->wants_root())
       want_bytes(model.coming.world->record().root, model.coming.content, true);
   std::erase_if(listed, [this](Pair* pair) {
     if (!pair->a->model->world && !pair->b->model->world) return false;

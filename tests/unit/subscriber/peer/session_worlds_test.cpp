@@ -12,12 +12,14 @@
 
 #include "core/base/digest.hpp"
 #include "core/world/content_bytes.hpp"
+#include "core/world/world_folder.hpp"
 #include "cut_world.hpp"
 #include "memory_channel.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "publisher/serve/service.hpp"
+#include "subscriber/peer/peer_world.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -841,6 +843,22 @@ TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {
 }
 
 // Names from outside are for models that publishers serve.
+// Else it would be asked for again with each answer, for ever.
+TEST(SessionWorlds, APageThatIsNoRootOfItsWorldIsNotWantedAgain) {
+  const CutTerrain terrain;
+  const WorldFolder folder = WorldFolder::open(terrain.folder).value();
+  WorldRecord record = folder.world();
+  const std::vector<std::uint8_t> root = folder.page_bytes(record.root).value();
+  ++record.root_level;
+  const std::vector<std::uint8_t> bytes = encode_world(record);
+  subscriber::PeerWorld world =
+      subscriber::PeerWorld::from_record(digest_of(bytes), bytes).value();
+  EXPECT_TRUE(world.wants_root());
+  EXPECT_FALSE(world.take_page(record.root, root));
+  EXPECT_EQ(world.root(), nullptr);
+  EXPECT_FALSE(world.wants_root());
+}
+
 TEST(SessionWorlds, NoBodyHasTheModelOfATile) {
   const CutTerrain terrain;
   CutHost host(terrain);
