@@ -348,6 +348,7 @@ std::optional<HeldByPeer> measure_held(const std::string& folder,
 
 bool run_memory(const std::string& folder) {
   constexpr std::size_t kTiles = 32;
+  static_cast<void>(WorldSource::open(folder));  // what libraries keep of a first use is no tile's
   const std::size_t files_before = open_files();
   double before = heap_bytes();
   const auto source = WorldSource::open(folder);
