@@ -3,9 +3,8 @@
 #include <thread>
 
 #include "measures.hpp"
-#include "nearmesh/core/spm/write_model_file.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
-#include "tests/experiments/chart/scenes.hpp"
+#include "scene_files.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -14,12 +13,6 @@ constexpr double kFrame_s = 0.01;
 constexpr std::size_t kSteps = 5;  ///< so many frames take a scene that moves to its next pose
 constexpr std::size_t kFrames = 100, kFlights = 12;  ///< frames of each, from different poses on
 constexpr double kPatience_s = 10;
-
-void write_model(const perf::Model& model, const std::string& path) {
-  const auto written =
-      write_model_file(model.baked.header, model.baked.store, model.baked.numbers, path);
-  if (!written.is_ok()) throw std::runtime_error(written.status().message());
-}
 
 /// So many frames after a pose; on a curve through the poses, as speeds do not jump.
 Motion motion_at(const chart::Scene& scene, std::size_t pose, std::size_t frame) {
@@ -120,8 +113,7 @@ void measure_cold_starts(const MeasureOptions& options) {
       if (info.name == name) scene = info.make({.data = NEARMESH_TEST_DATA});
     if (!scene) throw std::runtime_error("no scene " + name);
     const Folder folder;
-    write_model(scene->a, folder.file("a.spm"));
-    write_model(scene->b, folder.file("b.spm"));
+    write_models(*scene, folder);
     const std::size_t starts = scene->frames ? kFlights : scene->poses.size();
     for (const double mbit : options.mbit)
       for (const double round_trip_s : options.round_trips_s) {

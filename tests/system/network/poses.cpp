@@ -2,20 +2,13 @@
 #include <stdexcept>
 
 #include "measures.hpp"
-#include "nearmesh/core/spm/write_model_file.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
-#include "tests/experiments/chart/scenes.hpp"
+#include "scene_files.hpp"
 
 namespace nearmesh::test {
 namespace {
 
-constexpr double kSettle_s = 1;
-
-void write_model(const perf::Model& model, const std::string& path) {
-  const auto written =
-      write_model_file(model.baked.header, model.baked.store, model.baked.numbers, path);
-  if (!written.is_ok()) throw std::runtime_error(written.status().message());
-}
+constexpr double kSettled_s = 1;
 
 /// What the chart counts from the time when the headers are there.
 struct Simulated {
@@ -31,7 +24,8 @@ Simulated simulate(chart::Method& method, const chart::Scene& scene, const perf:
       pose_pair(scene.a.baked.header.grid, poses.a, "a", scene.b.baked.header.grid, poses.b, "b")
           .value();
   method.start();
-  const chart::State state = method.receive(poses, posed, std::uint64_t{1} << 40);
+  const chart::State state =
+      method.receive({{.pose = poses.a}, {.pose = poses.b}}, posed, std::uint64_t{1} << 40);
   if (!state.claim || !is_certified(*state.claim))
     throw std::runtime_error("a pose is not certified");
   const std::uint64_t headers = chart::framed(encode_header(scene.a.baked.header).size()) +
@@ -76,7 +70,7 @@ Driven drive(const Lan& lan, const perf::PosePair& poses, unsigned domain) {
   Driven driven{.join_s = join.seconds()};
   // The clock knows no discovery, the rest of which would take its share of the link.
   const Stopwatch settling;
-  update_until([&](const subscriber::FrameReport&) { return settling.seconds() > kSettle_s; });
+  update_until([&](const subscriber::FrameReport&) { return settling.seconds() > kSettled_s; });
   const Lan::Counters before = lan.counters(1);
   const Stopwatch watch;
   if (!session.place_body(a, poses.a).is_ok() || !session.place_body(b, poses.b).is_ok())
@@ -98,8 +92,7 @@ void measure_poses(const MeasureOptions& options) {
     if (info.name == "terrain-grazing") scene = info.make({});
   scene->b_streamed = true;  // a publisher serves both
   const Folder folder;
-  write_model(scene->a, folder.file("a.spm"));
-  write_model(scene->b, folder.file("b.spm"));
+  write_models(*scene, folder);
   std::unique_ptr<chart::Method> certified;
   for (const chart::MethodInfo& info : chart::methods())
     if (info.name == "certified") certified = info.make(*scene);
