@@ -8,6 +8,7 @@
 
 #include "core/base/hash.hpp"
 #include "rtps_cursor.hpp"
+#include "rtps_parameters.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -27,11 +28,6 @@ constexpr std::size_t kInfoSourceBytes = 20;
 /// What Fast DDS reads of a fragment's beginning while that is missing.
 constexpr std::uint64_t kLinkBytes = 4;
 
-/// What a type is made of: an identifier, the whole, and the same as of XTypes 1.3.
-bool describes_type(std::uint16_t parameter) {
-  return parameter == 0x0069 || parameter == 0x0072 || parameter == 0x0075;
-}
-
 bool is_sequence(std::int64_t number) { return number >= 1 && number <= kMaxSequence; }
 
 /// Base and bits of a set of at most 256 numbers.
@@ -41,114 +37,6 @@ bool read_set(Cursor& in, std::int64_t& base) {
   if (bits > 256) return false;
   in.skip((bits + 31) / 32 * 4);
   return in.is_whole() && base >= 0 && base <= kMaxSequence;
-}
-
-void read_properties(Cursor& in) {
-  for (std::uint32_t left = in.count(8); left > 0 && in.is_whole(); --left) {
-    in.text();
-    in.text();
-  }
-}
-
-/// A token of DDS Security: a class, then properties as text and as bytes, of which `see(name, bytes)` is told.
-template <class See>
-void read_token(Cursor& in, See see) {
-  in.text();
-  read_properties(in);
-  for (std::uint32_t left = in.count(8); left > 0 && in.is_whole(); --left) {
-    const Bytes name = in.bytes();
-    see(name, in.bytes());
-  }
-}
-void read_token(Cursor& in) {
-  read_token(in, [](Bytes, Bytes) {});
-}
-
-void read_texts(Cursor& in) {
-  for (std::uint32_t left = in.count(4); left > 0 && in.is_whole(); --left) in.text();
-}
-
-/// The bytes of one parameter of discovery. Unknown ones pass: Fast DDS skips them.
-bool is_parameter(std::uint16_t id, Bytes bytes, bool little_endian) {
-  Cursor in(bytes, little_endian);
-  switch (id) {
-    case 0x0002:  // lease
-      in.skip(8);
-      break;
-    case 0x0015:  // protocol version
-    case 0x0016:  // vendor
-    case 0x0058:  // builtin endpoints
-      in.skip(4);
-      break;
-    case 0x1004:  // security of an endpoint
-    case 0x1005:  // of a participant
-      in.skip(8);
-      break;
-    case 0x0050:  // GUIDs: participant
-    case 0x005a:  // endpoint
-    case 0x0070:  // key
-    case 0x8002:  // persistence
-      in.skip(16);
-      break;
-    case 0x002f:  // locators
-    case 0x0030:
-    case 0x0031:
-    case 0x0032:
-    case 0x0033:
-    case 0x0048:
-      in.skip(24);
-      break;
-    case 0x0005:  // names: topic
-    case 0x0007:  // type
-    case 0x0062:  // entity
-      in.terminated_text();
-      break;
-    case 0x002c:  // bytes: user
-    case 0x002e:  // topic
-    case 0x002d:  // group
-      in.skip(in.u32());
-      break;
-    case 0x0029:  // partitions
-      read_texts(in);
-      break;
-    case 0x0059:
-      read_properties(in);
-      break;
-    case 0x1001:  // tokens: identity
-    case 0x1002:  // permissions
-    case 0x1006:  // status
-      read_token(in);
-      break;
-    case 0x0035:  // a content filter: its names and expression, then parameters
-      for (int i = 0; i < 4; ++i) in.text();
-      read_texts(in);
-      break;
-    case 0x0073:  // data representations
-      in.skip(2 * in.count(2));
-      break;
-    case 0x8006:  // data sharing domains
-      in.skip(8 * std::size_t{in.count(8)});
-      break;
-    default:
-      break;
-  }
-  return in.is_whole();
-}
-
-/// Walks a list of parameters; `see(id, place in `in`, bytes)` says whether one is right. Out: it is whole, and ends.
-template <class See>
-bool read_parameters(Cursor& in, See see) {
-  while (in.is_whole()) {
-    const std::uint16_t id = in.u16();
-    const std::uint16_t length = in.u16();
-    if (!in.is_whole()) return false;
-    if (id == 1) return true;  // the end; its length has no meaning
-    if (length % 4 != 0) return false;
-    const std::size_t place = in.at();
-    const Bytes bytes = in.take(length);
-    if (!in.is_whole() || !see(id, place, bytes)) return false;
-  }
-  return false;
 }
 
 struct Submessages {
