@@ -217,8 +217,11 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 Outcome run(ReplayOptions options) {
   wire::program::log_fastdds();
   wire::program::log_network(options.transport);
+  // Nothing was begun yet: whoever stops it need not wait until an .mcap file is unpacked.
+  wire::program::end_on_signals();
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(opened);
+  wire::program::stop_on_signals();
   RecordingReader& recording = *opened.value();
   const Stopwatch clock;
   Progress reading;
