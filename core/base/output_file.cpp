@@ -2,6 +2,7 @@
 #include "output_file.hpp"
 
 #include <fcntl.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -53,6 +54,28 @@ fs::path without_links(fs::path path) {
   return path;
 }
 
+/// What this process sees of a file that it has open.
+std::string descriptor_path(int descriptor) {
+  return "/proc/self/fd/" + std::to_string(descriptor);
+}
+
+/// A file in the folder that has no name yet, so that nothing of it is left where the process is killed. Out: below 0 where there is no such
+/// thing: in file systems as NFS and FAT, and without /proc, where it could not be named later.
+int open_unnamed(const fs::path& folder) {
+  const int descriptor =
+      ::open(folder.empty() ? "." : folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+  if (descriptor < 0 || ::access(descriptor_path(descriptor).c_str(), F_OK) == 0) return descriptor;
+  ::close(descriptor);
+  return -1;
+}
+
+/// Files that wait for others hold a quarter of the process's descriptors at most: of these it has few.
+bool may_be_held(int descriptor) {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
+         static_cast<rlim_t>(descriptor) < limit.rlim_cur / 4;
+}
+
 }  // namespace
 
 Status check_output(const std::string& path, const FileKind& kind,
@@ -91,21 +114,17 @@ Result<OutputFile> OutputFile::create(const std::string& path, const FileKind& k
     return out;
   }
   out.place_ = without_links(path).string();
-  int descriptor = -1;
-  constexpr int kMostTries = 100;  // what a process of this number left behind is not touched
-  for (int i = 0; i < kMostTries && descriptor < 0; ++i) {
-    out.beside_ = out.place_ + "." + std::to_string(::getpid()) +
-                  (i > 0 ? "-" + std::to_string(i) : "") + ".partial";
-    descriptor = ::open(out.beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (descriptor < 0 && errno != EEXIST) break;
-  }
+  int descriptor = open_unnamed(fs::path(out.place_).parent_path());
+  out.is_unnamed_ = descriptor >= 0;
+  const auto make = [&descriptor](const char* name) {
+    descriptor = ::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    return descriptor >= 0;
+  };
+  if (!out.is_unnamed_) static_cast<void>(out.put_beside(make));
   out.file_ = descriptor < 0 ? nullptr : ::fdopen(descriptor, "wb");
   if (out.file_ == nullptr) {
     const Status status = out.failed("create a file beside it");
-    if (descriptor < 0)
-      out.beside_.clear();
-    else
-      ::close(descriptor);
+    if (descriptor >= 0) ::close(descriptor);
     return status;
   }
   // A file keeps the rights that its owner gave it; where that is refused it has the usual ones.
@@ -119,8 +138,10 @@ Result<OutputFile> OutputFile::whole(const std::string& path, const FileKind& ki
   Result<OutputFile> file = create(path, kind, inputs);
   NEARMESH_RETURN_IF_ERROR(file);
   NEARMESH_RETURN_IF_ERROR(file.value().write(bytes));
-  // What waits for others holds no descriptor: of these a process has few.
-  NEARMESH_RETURN_IF_ERROR(file.value().end_writing());
+  NEARMESH_RETURN_IF_ERROR(file.value().flush());
+  OutputFile& written = file.value();
+  const bool stays_unnamed = written.is_unnamed_ && may_be_held(::fileno(written.file_));
+  if (!stays_unnamed) NEARMESH_RETURN_IF_ERROR(written.end_writing());
   return file;
 }
 
@@ -128,6 +149,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
     : path_(std::move(other.path_)),
       place_(std::move(other.place_)),
       beside_(std::exchange(other.beside_, {})),
+      is_unnamed_(std::exchange(other.is_unnamed_, false)),
       file_(std::exchange(other.file_, nullptr)) {}
 
 OutputFile::~OutputFile() {
@@ -153,18 +175,49 @@ Status OutputFile::put_in_place() {
 }
 
 Status OutputFile::close() {
-  if (file_ != nullptr) NEARMESH_RETURN_IF_ERROR(end_writing());
-  return rename();
+  if (file_ == nullptr) return rename();
+  if (!is_unnamed_) {
+    NEARMESH_RETURN_IF_ERROR(end_writing());
+    return rename();
+  }
+  NEARMESH_RETURN_IF_ERROR(put_in_place());
+  if (std::fclose(std::exchange(file_, nullptr)) != 0) return failed("write");
+  return Status::ok();
 }
 
 Status OutputFile::end_writing() {
   NEARMESH_RETURN_IF_ERROR(flush());
+  if (is_unnamed_) NEARMESH_RETURN_IF_ERROR(name_beside());
   // Full disks are often told of only here.
   if (std::fclose(std::exchange(file_, nullptr)) != 0) return failed("write");
   return Status::ok();
 }
 
+template <class Make>
+bool OutputFile::put_beside(const Make& make) {
+  constexpr int kMostTries = 100;  // what a process of this number left behind is not touched
+  for (int i = 0; i < kMostTries; ++i) {
+    beside_ = place_ + "." + std::to_string(::getpid()) + (i > 0 ? "-" + std::to_string(i) : "") +
+              ".partial";
+    if (make(beside_.c_str())) return true;
+    if (errno != EEXIST) break;
+  }
+  beside_.clear();
+  return false;
+}
+
+Status OutputFile::name_beside() {
+  const std::string from = descriptor_path(::fileno(file_));
+  if (!put_beside([&](const char* name) {
+        return ::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, name, AT_SYMLINK_FOLLOW) == 0;
+      }))
+    return failed("name a file beside it");
+  is_unnamed_ = false;
+  return Status::ok();
+}
+
 Status OutputFile::rename() {
+  if (is_unnamed_) NEARMESH_RETURN_IF_ERROR(name_beside());
   if (beside_.empty()) return Status::ok();
   if (std::rename(beside_.c_str(), place_.c_str()) != 0) return failed("rename into place");
   beside_.clear();

@@ -28,15 +28,17 @@ inline constexpr FileKind kPlyFile{"a PLY file", "ply"};
 [[nodiscard]] Status check_output(const std::string& path, const FileKind& kind,
                                   const std::vector<std::string>& inputs = {});
 
-/// A file that is being written. Until put_in_place() or close() it stands beside its place, as PATH.PROCESS.partial; what is
-/// not closed then is removed. A link is followed: the file that it names is replaced. Errors, of all: kIo, naming the path.
+/// A file that is being written. Until put_in_place() or close() it has no name, so nothing of it is left however the process ends. Where the
+/// file system has no such files it stands beside its place, as PATH.PROCESS.partial, and is removed unless the process is killed. A link
+/// is followed: the file that it names is replaced. Errors, of all: kIo, naming the path.
 class OutputFile {
  public:
   /// Errors: also those of check_output().
   [[nodiscard]] static Result<OutputFile> create(const std::string& path, const FileKind& kind,
                                                  const std::vector<std::string>& inputs = {});
   /// A whole file, of which only close() is left, which puts it in place: several appear together where none is closed before
-  /// all could be written. Errors: also those of check_output().
+  /// all could be written. Of very many those beyond a quarter of the process's descriptors stand beside their places meanwhile.
+  /// Errors: also those of check_output().
   [[nodiscard]] static Result<OutputFile> whole(const std::string& path, const FileKind& kind,
                                                 std::string_view bytes,
                                                 const std::vector<std::string>& inputs = {});
@@ -55,9 +57,13 @@ class OutputFile {
   OutputFile() = default;
   [[nodiscard]] Status failed(const char* action) const;
   [[nodiscard]] Status end_writing();
+  template <class Make>
+  [[nodiscard]] bool put_beside(const Make& make);
+  [[nodiscard]] Status name_beside();
   [[nodiscard]] Status rename();
 
-  std::string path_, place_, beside_;  ///< as the user has it; without links; empty: in its place
+  std::string path_, place_, beside_;  ///< as the user has it; without links; empty: not beside it
+  bool is_unnamed_ = false;            ///< else, where it is not beside it: in its place
   std::FILE* file_ = nullptr;          ///< none: all is written
 };
 

@@ -220,10 +220,7 @@ double metres(const std::string& unit) {
 
 void warn_of_reader(const std::string& path, bool is_as_written) {
   if (is_as_written) return;
-  std::fprintf(stderr,
-               "%s: warning: what the reader of this format does to units and axes is not known; "
-               "nearmesh-model formats lists those of which it is\n",
-               path.c_str());
+  std::fprintf(stderr, "%s: warning: %s\n", path.c_str(), kReaderDoubt);
 }
 
 /// Folders that are made to be written into. Those that nothing was put into go again.

@@ -20,6 +20,7 @@
 #include "import_options.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
+#include "tile_notes.hpp"
 #include "world_plan.hpp"
 
 namespace nearmesh::program {
@@ -27,51 +28,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-constexpr FileKind kTileNote{"a note of build-world", "{\"nearmesh_tile\":"};
-
-/// What became of a tile.
-struct TileNote {
-  PlacedTile tile;  ///< no faces: nothing is there
-  std::uint64_t bytes = 0;
-  double seconds = 0;  ///< of its bake
-};
-
-nlohmann::ordered_json as_json(const TileNote& note) {
-  return {{"nearmesh_tile", 1},       {"content", to_hex(note.tile.content)},
-          {"place", note.tile.place}, {"extent", note.tile.extent},
-          {"faces", note.tile.faces}, {"bytes", note.bytes},
-          {"seconds", note.seconds}};
-}
-
-/// None where none is kept, or the tile that it names is not there.
-std::optional<TileNote> read_note(const std::string& path, const std::string& world) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) return std::nullopt;
-  try {
-    const json stored = json::parse(in);
-    TileNote note;
-    note.tile.place = stored.at("place").get<std::array<std::int64_t, 3>>();
-    note.tile.extent = stored.at("extent").get<std::array<std::int64_t, 3>>();
-    note.tile.faces = stored.at("faces").get<std::uint64_t>();
-    note.bytes = stored.at("bytes").get<std::uint64_t>();
-    note.seconds = stored.at("seconds").get<double>();
-    if (note.tile.faces == 0) return note;
-    const auto content = parse_content_hash(stored.at("content").get<std::string>());
-    if (!content.is_ok()) return std::nullopt;
-    note.tile.content = content.value();
-    std::error_code error;
-    if (fs::file_size(WorldFolder::tile_path(world, content.value()), error) != note.bytes || error)
-      return std::nullopt;
-    return note;
-  } catch (const json::exception&) {
-    return std::nullopt;  // made anew
-  }
-}
-
-Status write_note(const std::string& path, const TileNote& note) {
-  return write_file(path, kTileNote, as_json(note).dump());
-}
 
 Status make_folders(const std::string& world) {
   for (const char* name : {"tiles", "baked"}) {
@@ -133,7 +89,7 @@ struct Made {
 };
 
 Result<Made> make_tile(const TileJob& job, const WorldPlan& plan, const BuildOptions& options,
-                       TileSource& source) {
+                       TileSource& source, TileNotes& notes) {
   Result<ImportedMesh> mesh = source.read(job);
   NEARMESH_RETURN_IF_ERROR(mesh);
   if (mesh.value().mesh.faces.empty()) return Made{};
@@ -153,13 +109,13 @@ Result<Made> make_tile(const TileJob& job, const WorldPlan& plan, const BuildOpt
   const std::string digest = digest_of_bake(tile, rounding_error_m, options);
   const std::string known = (fs::path(options.out) / "baked" / (digest + ".json")).string();
   Made made;
-  if (const std::optional<TileNote> note = read_note(known, options.out)) {
+  if (const std::optional<TileNote> note = notes.read(known)) {
     made.note = *note;
   } else {
     const Result<TileNote> baked = bake_tile(tile, rounding_error_m, mesh.value().origin, options);
     NEARMESH_RETURN_IF_ERROR(baked);
     made = {baked.value(), true};
-    NEARMESH_RETURN_IF_ERROR(write_note(known, made.note));
+    NEARMESH_RETURN_IF_ERROR(notes.write(known, made.note));
   }
   made.note.tile.place = place;
   made.note.tile.extent = extent;
@@ -328,7 +284,7 @@ struct Sum {
 };
 
 void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& sum,
-            const WorldPages& pages, double seconds) {
+            const WorldPages& pages, const std::vector<Doubt>& doubts, double seconds) {
   std::uint64_t page_bytes = 0;
   for (const auto& page : pages.pages) page_bytes += page.second.size();
   std::vector<ContentHash> contents;
@@ -337,6 +293,9 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
   contents.erase(std::unique(contents.begin(), contents.end()), contents.end());
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   if (options.build.json) {
+    nlohmann::ordered_json warnings = nlohmann::ordered_json::array();
+    for (const Doubt& doubt : doubts)
+      warnings.push_back({{"input", doubt.input}, {"text", doubt.text}});
     const nlohmann::ordered_json out = {{"output", options.build.out},
                                         {"world", to_hex(pages.name)},
                                         {"tiles", pages.world.tiles},
@@ -352,7 +311,8 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
                                         {"origin_m", plan.lattice.origin_m},
                                         {"bake_seconds", sum.bake_seconds},
                                         {"seconds", seconds},
-                                        {"peak_memory_bytes", peak_memory_bytes()}};
+                                        {"peak_memory_bytes", peak_memory_bytes()},
+                                        {"warnings", warnings}};
     std::printf("%s\n", text_of(out).c_str());
     return;
   }
@@ -368,6 +328,11 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
               plan.lattice.origin_m[0], plan.lattice.origin_m[1], plan.lattice.origin_m[2]);
   std::printf("  took          %.2f s, peak memory %.0f MB\n", seconds,
               static_cast<double>(peak_memory_bytes()) / 1e6);
+}
+
+void warn(const std::vector<Doubt>& doubts) {
+  for (const Doubt& doubt : doubts)
+    std::fprintf(stderr, "%s: warning: %s\n", doubt.input.c_str(), doubt.text.c_str());
 }
 
 }  // namespace
@@ -393,14 +358,15 @@ Status run(const BuildWorldOptions& options) {
                                               std::to_string(plan.tiles.size()) + ", found " +
                                               std::to_string(*options.only)};
   TileSource source(options, plan);
+  TileNotes notes(world);
   Sum sum;
   for (std::size_t t = options.only.value_or(0); t < plan.tiles.size(); ++t) {
     Made made;
-    if (const auto note = read_note(note_path(plan, t), world)) {
+    if (const auto note = notes.read(note_path(plan, t))) {
       made.note = *note;
     } else {
       const Stopwatch tile_watch;
-      Result<Made> result = make_tile(plan.tiles[t], plan, options.build, source);
+      Result<Made> result = make_tile(plan.tiles[t], plan, options.build, source, notes);
       const std::string name = describe(plan.tiles[t], options);
       if (!result.is_ok()) {
         const Status& status = result.status();
@@ -410,13 +376,14 @@ Status run(const BuildWorldOptions& options) {
       // Pages list no tiles of two states of a file: what is noted is of this plan's.
       NEARMESH_RETURN_IF_ERROR(check_input(options, plan, plan.tiles[t].input));
       made = result.value();
-      NEARMESH_RETURN_IF_ERROR(write_note(note_path(plan, t), made.note));
+      NEARMESH_RETURN_IF_ERROR(notes.write(note_path(plan, t), made.note));
       std::fprintf(stderr, "tile %zu of %zu: %s: %s %llu faces, %.2f s\n", t + 1, plan.tiles.size(),
                    name.c_str(), made.is_new ? "baked" : "was there,",
                    static_cast<unsigned long long>(made.note.tile.faces), tile_watch.seconds());
     }
     sum.add(made);
     if (options.only) {
+      warn(source.doubts());
       if (options.build.json) std::printf("%s\n", text_of(as_json(made.note)).c_str());
       return Status::ok();
     }
@@ -425,7 +392,9 @@ Status run(const BuildWorldOptions& options) {
   const Result<WorldPages> pages = make_pages(plan.lattice, options.build.grid_bits, sum.tiles);
   NEARMESH_RETURN_IF_ERROR(pages);
   NEARMESH_RETURN_IF_ERROR(write_world(pages.value(), world));
-  report(options, plan, sum, pages.value(), watch.seconds());
+  const std::vector<Doubt> doubts = source.doubts();
+  report(options, plan, sum, pages.value(), doubts, watch.seconds());
+  warn(doubts);
   return Status::ok();
 }
 

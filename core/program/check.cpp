@@ -33,6 +33,11 @@ Result<FullMesh> load(const std::string& path) {
   return FullMesh{to_hex(file.value().content_hash()), header, *std::move(tree)};
 }
 
+/// Throws where it is none: get() would cut a fraction off.
+std::size_t count_of(const nlohmann::json& number) {
+  return number.get_ref<const nlohmann::json::number_unsigned_t&>();
+}
+
 Pose pose_of(const nlohmann::json& numbers) {
   const auto x = numbers.get<std::array<double, 12>>();
   Pose pose;
@@ -47,11 +52,10 @@ bool is_wrong(const std::string& status, const nlohmann::json& line, const Answe
   // Ended by the host's options: that they touch is all that it says, and of a cut list how many there are.
   if (status == "contact" && line.value("any", false)) return full.status != AnswerStatus::kContact;
   if (status == "contact" && line.value("truncated", false))
-    return full.status != AnswerStatus::kContact ||
-           line.at("pairs").get<std::size_t>() != full.pairs.size();
+    return full.status != AnswerStatus::kContact || count_of(line.at("pairs")) != full.pairs.size();
   if (status == "contact")
     return full.status != AnswerStatus::kContact ||
-           line.at("pairs").get<std::size_t>() != full.pairs.size() ||
+           count_of(line.at("pairs")) != full.pairs.size() ||
            line.at("pairs_digest").get<std::string>() != std::to_string(digest(full.pairs));
   if (status == "contained")
     return full.status != AnswerStatus::kContained ||
@@ -119,8 +123,8 @@ Result<Answer> answer_of(const Side& a, const Side& b) {
 Status check_line(const nlohmann::json& line, Full& models, const std::string& where,
                   Counts& counts) {
   if (line.contains("summary")) {
-    counts.received += line["summary"].at("received_bytes").get<std::uint64_t>();
-    counts.mesh_bytes += line["summary"].at("mesh_bytes").get<std::uint64_t>();
+    counts.received += count_of(line["summary"].at("received_bytes"));
+    counts.mesh_bytes += count_of(line["summary"].at("mesh_bytes"));
     return Status::ok();
   }
   if (line.contains("free_by_bounds"))
@@ -143,7 +147,7 @@ Status check_line(const nlohmann::json& line, Full& models, const std::string& w
     std::fprintf(stderr,
                  "%s: %s and %s: answered %s with %zu pairs, the full meshes say %s with %zu\n",
                  where.c_str(), a.value().name.c_str(), b.value().name.c_str(), status.c_str(),
-                 line.at("pairs").get<std::size_t>(), to_string(full.status), full.pairs.size());
+                 count_of(line.at("pairs")), to_string(full.status), full.pairs.size());
   }
   return Status::ok();
 }

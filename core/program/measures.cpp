@@ -55,8 +55,17 @@ Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin)
   return out;
 }
 
-std::vector<std::string> doubts(const Measures& measures) {
+std::vector<std::string> doubts_but_of_size(const Measures& measures) {
   std::vector<std::string> found = measures.terrain_doubts;
+  const UpAxis stated = measures.stated_up, asked = measures.origin.up;
+  if (measures.origin.z_up && stated != UpAxis::kUnknown && stated != asked)
+    found.push_back(std::string("--up says that ") + axis_name(asked) +
+                    " is up in the file; the file or its format states " + axis_name(stated));
+  return found;
+}
+
+std::vector<std::string> doubts(const Measures& measures) {
+  std::vector<std::string> found = doubts_but_of_size(measures);
   double size_m = 0;
   for (std::size_t k = 0; k < 3; ++k)
     size_m = std::max(size_m, measures.hi_m[k] - measures.lo_m[k]);
@@ -64,10 +73,6 @@ std::vector<std::string> doubts(const Measures& measures) {
     found.push_back("the model is " + number(size_m) + " m long, " +
                     (size_m < kSmall_m ? "less than a centimetre" : "more than ten kilometres") +
                     ": is its unit right? " + units_text(measures.origin));
-  const UpAxis stated = measures.stated_up, asked = measures.origin.up;
-  if (measures.origin.z_up && stated != UpAxis::kUnknown && stated != asked)
-    found.push_back(std::string("--up says that ") + axis_name(asked) +
-                    " is up in the file; the file or its format states " + axis_name(stated));
   return found;
 }
 

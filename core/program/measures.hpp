@@ -24,6 +24,12 @@ struct Measures {
 
 /// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states; those of the grid.
 [[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
+/// Of a model of which only a part is known.
+[[nodiscard]] std::vector<std::string> doubts_but_of_size(const Measures& measures);
+/// Of a file whose reader gives no word (ImportedMesh::is_as_written).
+inline constexpr const char* kReaderDoubt =
+    "what the reader of this format does to units and axes is not known; nearmesh-model formats "
+    "lists those of which it is";
 
 void add_json(const Measures& measures, nlohmann::ordered_json& report);
 void print_text(const Measures& measures);

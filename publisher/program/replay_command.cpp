@@ -17,6 +17,7 @@
 #include "line_commands.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "publisher/dds/dds_replay.hpp"
+#include "replay_bar.hpp"
 
 namespace nearmesh::publisher::program {
 namespace {
@@ -79,18 +80,17 @@ class Progress {
   void show(double clock_s, Replay& replay) {
     const Playhead& playhead = replay.playhead();
     const double time_s = playhead.time_s(clock_s), start_s = playhead.start_s();
-    const double share = (time_s - start_s) / std::max(1e-9, playhead.end_s() - start_s);
+    const double share = played_share(time_s, start_s, playhead.end_s());
+    shown_share_ = std::min(shown_share_, share);  // it went back
     if (terminal_ ? clock_s - shown_s_ < 0.1
                   : clock_s - shown_s_ < 10 && share < shown_share_ + 0.25)
       return;
     shown_s_ = clock_s;
     shown_share_ = share;
-    constexpr int kWidth = 24;
-    const int filled = static_cast<int>(kWidth * std::min(1.0, share));
     const ReplayStats& stats = replay.stats();
     char text[200];
-    std::snprintf(text, sizeof text, "[%.*s%*s] %.1f of %.1f s%s: %llu samples; %llu live peers",
-                  filled, "========================", kWidth - filled, "", time_s, playhead.end_s(),
+    std::snprintf(text, sizeof text, "%s %.1f of %.1f s%s: %llu samples; %llu live peers",
+                  bar_of(share).c_str(), time_s, playhead.end_s(),
                   playhead.is_paused() ? ", paused" : "",
                   static_cast<unsigned long long>(stats.messages()),
                   static_cast<unsigned long long>(stats.live_peers));
@@ -217,8 +217,11 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 Outcome run(ReplayOptions options) {
   wire::program::log_fastdds();
   wire::program::log_network(options.transport);
+  // Nothing was begun yet: whoever stops it need not wait until an .mcap file is unpacked.
+  wire::program::end_on_signals();
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(opened);
+  wire::program::stop_on_signals();
   RecordingReader& recording = *opened.value();
   const Stopwatch clock;
   Progress reading;

@@ -77,44 +77,55 @@ Result<std::map<std::string, Replaced>> read_replaces(const std::vector<std::str
   return replaces;
 }
 
-Status add_world(const std::string& path, const std::string& name, const Replaced& replaced,
-                 Service& service) {
-  const Result<WorldFolder> folder = WorldFolder::open(path);
-  NEARMESH_RETURN_IF_ERROR(folder);
-  const WorldRecord& world = folder.value().world();
-  spdlog::info("serving world {}: content {}, {} faces in {} tiles", path,
-               to_hex(folder.value().name()), world.faces, world.tiles);
-  return service.add_world(name, path, replaced.content, replaced.epoch);
-}
+/// What is served under a name, looked through.
+struct Served {
+  std::string path, name;
+  Replaced replaced;
+  std::optional<ModelFile> model;  ///< none: a world
+};
 
-Status add_model(const std::string& path, const std::string& name, const Replaced& replaced,
-                 Service& service) {
+Result<Served> look_through(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::exists(WorldFolder::record_path(path), error)) {
+    const Result<WorldFolder> folder = WorldFolder::open(path);
+    NEARMESH_RETURN_IF_ERROR(folder);
+    const WorldRecord& world = folder.value().world();
+    spdlog::info("serving world {}: content {}, {} faces in {} tiles", path,
+                 to_hex(folder.value().name()), world.faces, world.tiles);
+    return Served{.path = path, .name = name_of_folder(path)};
+  }
   Result<ModelFile> file = open_checked(path);
   NEARMESH_RETURN_IF_ERROR(file);
   const SpmHeader& header = file.value().header();
   spdlog::info("serving {}: content {}, {} faces, {} splits, header {} bytes", path,
                to_hex(file.value().content_hash()), header.face_count, header.split_count(),
                file.value().header_bytes().size());
-  return service.add_model(name, std::move(file).value(), replaced.content, replaced.epoch);
+  return Served{.path = path,
+                .name = std::filesystem::path(path).stem().string(),
+                .model = std::move(file).value()};
 }
 
-Status add_models(const ServeOptions& options, Service& service) {
+Result<std::vector<Served>> look_through(const ServeOptions& options) {
   Result<std::map<std::string, Replaced>> replaces = read_replaces(options.replaces);
   NEARMESH_RETURN_IF_ERROR(replaces);
+  std::vector<Served> all;
   for (const std::string& path : options.models) {
-    std::error_code error;
-    const bool is_world = std::filesystem::exists(WorldFolder::record_path(path), error);
-    const std::string name =
-        is_world ? name_of_folder(path) : std::filesystem::path(path).stem().string();
-    const auto found = replaces.value().extract(name);
-    const Replaced replaced = found ? found.mapped() : Replaced{};
-    NEARMESH_RETURN_IF_ERROR(is_world ? add_world(path, name, replaced, service)
-                                      : add_model(path, name, replaced, service));
+    Result<Served> one = look_through(path);
+    NEARMESH_RETURN_IF_ERROR(one);
+    if (const auto found = replaces.value().extract(one.value().name))
+      one.value().replaced = found.mapped();
+    all.push_back(std::move(one).value());
   }
   if (!replaces.value().empty())
-    return {StatusCode::kNotFound,
-            "replaces: no model " + replaces.value().begin()->first + " is served here"};
-  return Status::ok();
+    return Status{StatusCode::kNotFound,
+                  "replaces: no model " + replaces.value().begin()->first + " is served here"};
+  return all;
+}
+
+Status add(Served&& one, Service& service) {
+  const auto& [content, epoch] = one.replaced;
+  if (!one.model) return service.add_world(one.name, one.path, content, epoch);
+  return service.add_model(one.name, *std::move(one.model), content, epoch);
 }
 
 }  // namespace
@@ -128,11 +139,16 @@ Outcome run(const ServeOptions& options) {
   }
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);
+  // Before the bus is joined: of a large model it takes long the first time, and whoever stops it need not wait for that.
+  wire::program::end_on_signals();
+  Result<std::vector<Served>> served = look_through(options);
+  NEARMESH_RETURN_IF_ERROR(served);
+  wire::program::stop_on_signals();
   auto channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
   const wire::SessionId session = wire::make_session_id();
   Service service(*channel.value(), session);
-  NEARMESH_RETURN_IF_ERROR(add_models(options, service));
+  for (Served& one : served.value()) NEARMESH_RETURN_IF_ERROR(add(std::move(one), service));
   service.announce();
   const wire::TransportOptions& transport = options.channel.transport;
   spdlog::info("ready on domain {}, topics {}/*, transport {}, as publisher {}", transport.domain,

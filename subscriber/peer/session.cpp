@@ -47,12 +47,15 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
 }
 Session::~Session() {
   try {
-    static_cast<void>(impl_->replicas.write_caches());
+    static_cast<void>(write_cache());
   } catch (...) {  // for want of memory: what leaves a destructor ends the host
   }
 }
 
-Status Session::write_cache() { return impl_->replicas.write_caches(); }
+Status Session::write_cache() {
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
+  return impl_->replicas.write_caches();
+}
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
@@ -79,7 +82,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                                     ", expected seconds, at most " +
                                                     std::to_string(wire::kMaxTime_s) + " from 0"};
   const FrameBudget budget(budget_s);
-  impl.is_half_way = true;  // until the end: what is thrown meanwhile leaves it so
+  std::optional<Impl::Change> change(impl);
   FrameReport report;
   if (impl.has_updated && time_s < impl.time_s)
     report.complaints.push_back("time_s of frame " + std::to_string(frame) + " is " +
@@ -156,16 +159,17 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.answers_cost.add(since_batches.seconds());
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
-  impl.is_half_way = false;
+  change.reset();
   if (impl.fault_of_host) std::rethrow_exception(std::exchange(impl.fault_of_host, nullptr));
   return report;
 }
 
-/// Mesh and tree of a model may have parted in an update that was left by an exception: answers from them would be certified, and wrong.
+/// Mesh and tree of a model may have parted in an update that was left by an exception, or what is kept of a pair and its bodies in another
+/// call: answers from them would be certified, and wrong.
 Status Session::Impl::check_whole() const {
   if (!is_half_way) return Status::ok();
   return {StatusCode::kConflict,
-          "an earlier update ended half-way, for want of memory say; end the session"};
+          "an earlier call ended half-way, for want of memory say; end the session"};
 }
 
 /// The own body of this number, or the next one.
@@ -447,6 +451,7 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
 
 Result<Readiness> Session::readiness(BodyId body) const {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
@@ -464,6 +469,7 @@ Result<Readiness> Session::readiness(BodyId body) const {
 Result<RegionReadiness> Session::region_readiness(BodyId body, const std::array<double, 3>& lo_m,
                                                   const std::array<double, 3>& hi_m) const {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   for (std::size_t k = 0; k < 3; ++k)

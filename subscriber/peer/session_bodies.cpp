@@ -36,6 +36,7 @@ Status no_such(BodyId body) {
 
 Result<BodyId> Session::add_body(BodyOptions options) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   return impl_->add_body(std::move(options));
 }
 
@@ -57,6 +58,7 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
                       std::to_string(wire::kMaxSpeed_mps) + ", and 0 of a body that another moves"};
   const BodyId id{static_cast<std::uint32_t>(by_id.size())};
   NEARMESH_RETURN_IF_ERROR(check_pin(body_options.name, body_options.model, body_options.content));
+  const Change change(*this);
   if (!named.emplace(body_options.name, id).second)
     return Status{StatusCode::kConflict, "body " + body_options.name + " is declared twice"};
   PeerModel& model = replicas.add(body_options.model);
@@ -102,6 +104,7 @@ Status Session::Impl::check_pin(const std::string& body, const std::string& mode
 
 Status Session::place_body(BodyId body, const Pose& pose) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   Body* placed = impl_->find(body);
   if (placed == nullptr) return no_such(body);
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
@@ -111,6 +114,7 @@ Status Session::place_body(BodyId body, const Pose& pose) {
   if (placed->links > 1)
     return {StatusCode::kInvalidArgument,
             "body " + placed->name + " is a link of a robot, and moves with the others"};
+  const Impl::Change change(*impl_);
   placed->motion = Motion{.pose = orthonormal(pose)};
   placed->stamp.mover = wire::Mover::kThere;
   placed->is_placed = true;
@@ -121,8 +125,10 @@ Status Session::place_body(BodyId body, const Pose& pose) {
 
 Status Session::remove_body(BodyId body) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   Body* removed = impl_->find(body);
   if (removed == nullptr) return no_such(body);
+  const Impl::Change change(*impl_);
   const std::uint32_t first = removed->links > 1 ? removed->first_link : removed->number,
                       links = removed->links;
   if (links == 1) {
@@ -162,10 +168,12 @@ void Session::Impl::remove_body(Body& body) {
 
 Status Session::replace_model(BodyId body, const std::string& model, const ContentHash& content) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   Body* changed = impl_->find(body);
   if (changed == nullptr) return no_such(body);
   NEARMESH_RETURN_IF_ERROR(wire::check_name(model, "model name"));
   NEARMESH_RETURN_IF_ERROR(impl_->check_pin(changed->name, model, content));
+  const Impl::Change change(*impl_);
   PeerModel& before = *std::exchange(changed->model, &impl_->replicas.add(model));
   if (content.is_set()) changed->model->pinned = content;
   if (changed->own) impl_->untold_parts.insert(part_of(*changed));
@@ -204,6 +212,7 @@ void Session::watch_own() { impl_->watch_many(true); }
 
 /// Who is a pair may have changed: all bodies are told to the broad phase anew.
 void Session::Impl::watch_many(bool only_own) {
+  const Change change(*this);
   watches_all = true;
   watches_only_own = only_own;
   for (auto& [id, body] : bodies) {
@@ -219,9 +228,11 @@ void Session::discover_bodies() {
 }
 
 Status Session::watch(BodyId a, BodyId b) {
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   for (const BodyId body : {a, b})
     if (impl_->find(body) == nullptr) return no_such(body);
   if (a == b) return {StatusCode::kInvalidArgument, "body " + name_of(a) + " against itself"};
+  const Impl::Change change(*impl_);
   Impl::Pair& pair = impl_->pairs[key_of(a, b)];
   if (pair.is_by_name) return Status::ok();
   if (pair.a != impl_->find(a)) pair = {};  // what is kept of it has the other order
@@ -233,6 +244,7 @@ Status Session::watch(BodyId a, BodyId b) {
 }
 
 Status Session::unwatch(BodyId a, BodyId b) {
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   for (const BodyId body : {a, b})
     if (impl_->find(body) == nullptr) return no_such(body);
   const auto at = impl_->pairs.find(key_of(a, b));
@@ -250,6 +262,7 @@ std::string Session::name_of(BodyId body) const {
 }
 
 Result<BodyOptions> Session::options_of(BodyId body) const {
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   return BodyOptions{.name = asked->name,

@@ -327,7 +327,7 @@ struct Session::Impl {
   // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
   double asked_by_s = 0;
   bool has_updated = false;
-  bool is_half_way = false;          // an exception has left an update
+  bool is_half_way = false;          // an exception has left a change
   std::exception_ptr fault_of_host;  // what its scheduler threw in this update
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
@@ -425,6 +425,23 @@ struct Session::Impl {
   [[nodiscard]] std::string why_unknown(const Body& body) const;
   [[nodiscard]] std::string why_no_bounds(const Body& body) const;
   [[nodiscard]] Status check_whole() const;
+  /// While it lives the session is half-way, and what is thrown meanwhile leaves it so.
+  class Change {
+   public:
+    explicit Change(Impl& impl) : is_half_way_(impl.is_half_way), was_(impl.is_half_way) {
+      is_half_way_ = true;
+    }
+    Change(const Change&) = delete;
+    Change& operator=(const Change&) = delete;
+    ~Change() {
+      if (std::uncaught_exceptions() == thrown_) is_half_way_ = was_;
+    }
+
+   private:
+    bool& is_half_way_;
+    const bool was_;
+    const int thrown_ = std::uncaught_exceptions();
+  };
   void run_jobs(std::size_t count, const std::function<void(std::size_t)>& job);
   struct AskedPair {
     std::vector<std::string> complaints;

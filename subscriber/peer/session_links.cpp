@@ -22,6 +22,7 @@ constexpr double kMostLate_s = 10;
 Status Session::link_bodies(const std::vector<BodyId>& links) { return impl_->link_bodies(links); }
 
 Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
+  NEARMESH_RETURN_IF_ERROR(check_whole());
   if (links.size() < 2 || links.size() > wire::kMaxLinks)
     return {StatusCode::kInvalidArgument, "links of a robot: expected 2 to " +
                                               std::to_string(wire::kMaxLinks) + ", found " +
@@ -39,6 +40,7 @@ Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
     if (body->motion)
       return {StatusCode::kConflict, link + "it was given a pose already, as a body of its own"};
   }
+  const Change change(*this);
   // In as few samples as it takes.
   const auto count = static_cast<std::uint32_t>(links.size());
   const std::uint32_t place = next_number % wire::kBodiesPerPart;

@@ -9,6 +9,7 @@ namespace nearmesh::subscriber {
 
 Result<Session::HeldMesh> Session::held_mesh(BodyId body) const {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   if (!asked->model->is_ready())
@@ -20,7 +21,7 @@ Result<Session::HeldMesh> Session::held_mesh(BodyId body) const {
 
 std::uint64_t Session::held_state(BodyId body) const {
   const Body* asked = impl_->find(body);
-  if (asked == nullptr || !asked->model->is_ready()) return 0;
+  if (impl_->is_half_way || asked == nullptr || !asked->model->is_ready()) return 0;
   const Replica& replica = *asked->model->replica;
   return mix(replica.mesh().state_hash() ^ replica.header().content.low) | 1;
 }

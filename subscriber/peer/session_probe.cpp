@@ -170,6 +170,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
   if constexpr (is_of_any) {
     if (model.world) {
       std::vector<typename InWorld<Answer>::Type> found(probes.size());
+      const Change change(*this);
       Result<ProbeReport> result = probe_world(*body, probes, std::span(found), std::move(report));
       NEARMESH_RETURN_IF_ERROR(result);
       std::transform(found.begin(), found.end(), answers.begin(), InWorld<Answer>::of);
@@ -183,6 +184,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
   if (needs.is_nothing()) return report;
   report.missing = needs.missing.size();
   report.awaited = awaited_of(model, needs.missing.size());
+  const Change change(*this);
   note_lacking(model, needs.missing, std::move(needs.where));
   return report;
 }
@@ -239,6 +241,7 @@ Result<ProbeReport> Session::probe(BodyId body, std::span<const BoxProbe> boxes,
 
 Status Session::hear(std::span<const HeardPose> heard) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   std::vector<wire::BodyPose> poses;
   for (const HeardPose& pose : heard) {
     const Body* body = impl_->find(pose.body);
@@ -256,7 +259,9 @@ Status Session::hear(std::span<const HeardPose> heard) {
                      .linear_velocity_mps = pose.motion.linear_velocity_mps,
                      .angular_velocity_radps = pose.motion.angular_velocity_radps});
   }
-  std::move(poses.begin(), poses.end(), std::back_inserter(impl_->heard_by_host));
+  auto& all = impl_->heard_by_host;
+  all.insert(all.end(), std::make_move_iterator(poses.begin()),
+             std::make_move_iterator(poses.end()));
   return Status::ok();
 }
 

@@ -67,6 +67,7 @@ Status run(const ReportOptions& options);
 struct WatchOptions {
   wire::TransportOptions transport;
   std::string http, models;
+  std::uint64_t max_bytes = 256'000'000;  ///< of what was heard: then it begins anew
   Ros2Showing ros2;
 };
 Outcome run(const WatchOptions& options);

@@ -17,6 +17,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/command/json_text.hpp"
+#include "doctor_findings.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "idl/dds/interfaces.hpp"
 #include "idl/dds/room.hpp"
@@ -29,40 +30,11 @@ namespace nearmesh::subscriber::program {
 namespace {
 
 constexpr std::uint32_t kSmallCount = 50, kLargeCount = 3, kProbeCount = 200;
-constexpr std::size_t kSmallBytes = 16, kKilobyte = 1000, kMegabyte = 1'000'000;
+constexpr std::size_t kSmallBytes = 16;
 constexpr std::uint64_t kOwnParticipants = 3;
 constexpr double kProbePeriod_s = 0.002;
 constexpr double kProbeGrace_s = 0.5;  ///< for the last answers
-constexpr double kMostLoss = 0.05;     ///< of both ways together; above, say so
 constexpr std::uint64_t kWantedSocketBytes = 4U << 20;
-
-/// One line of the diagnosis.
-struct Finding {
-  enum class Kind { kFact, kGood, kAdvice, kWrong };
-  Kind kind = Kind::kFact;
-  std::string name, text;
-  nlohmann::ordered_json value;
-};
-
-const char* to_string(Finding::Kind kind) {
-  switch (kind) {
-    case Finding::Kind::kFact:
-      return "fact";
-    case Finding::Kind::kGood:
-      return "good";
-    case Finding::Kind::kAdvice:
-      return "advice";
-    case Finding::Kind::kWrong:
-      return "wrong";
-  }
-  return "unknown";
-}
-
-std::string milliseconds(double seconds) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f ms", seconds * 1e3);
-  return text;
-}
 
 struct Interfaces {
   std::vector<std::string> texts;  ///< "eth0 10.0.0.2, multicast", "lo 127.0.0.1"
@@ -120,7 +92,8 @@ class Doctor {
       poll(std::min(0.05, left_s()));
     look_at_publishers();
     look_at_doors();
-    if (!other_ && publishers_.empty())
+    if (is_interrupted()) say_interrupted();
+    if (!other_ && publishers_.empty() && !is_interrupted())
       wrong("discovery",
             "nobody was found: run doctor on the other machine at the same time, with "
             "the same --domain and --prefix. If it runs: multicast may not get "
@@ -160,6 +133,17 @@ class Doctor {
 
  private:
   [[nodiscard]] double left_s() const { return options_.seconds - clock_.seconds(); }
+  [[nodiscard]] static bool is_interrupted() { return stop_requested != 0; }
+
+  /// That nobody was found counts as wrong all the same: nothing was found to be well.
+  void say_interrupted() {
+    char text[80];
+    std::snprintf(text, sizeof text, "after %.1f of %.1f s", clock_.seconds(), options_.seconds);
+    const bool found = other_ || !publishers_.empty();
+    add(found ? Finding::Kind::kAdvice : Finding::Kind::kWrong, "interrupted",
+        std::string(text) +
+            (found ? ": what was measured until then" : ": nobody was found until then"));
+  }
 
   void add(Finding::Kind kind, const std::string& name, const std::string& text,
            nlohmann::ordered_json value = nullptr) {
@@ -324,7 +308,7 @@ class Doctor {
     }
     if (other_ && !matched_s) matched_s = clock_.seconds();  // it called first
     if (matched_s) good("match", "another doctor after " + milliseconds(*matched_s), *matched_s);
-    if (matched_s && !other_)
+    if (matched_s && !other_ && !is_interrupted())
       wrong("data",
             "another doctor was matched, but nothing comes from it: its data does not get "
             "through. On one machine: use --transport lan --interface 127.0.0.1 on both "
@@ -354,33 +338,16 @@ class Doctor {
 
   void test_size(const std::string& name, std::size_t bytes, std::uint32_t count,
                  double patience_s) {
-    std::vector<double> times_s;
+    RoundTrips trips{.name = name, .bytes = bytes, .patience_s = patience_s};
     const Stopwatch clock;
-    while (times_s.size() < count && (times_s.empty() || clock.seconds() < patience_s)) {
+    while (!is_interrupted() && !trips.is_overdue && trips.times_s.size() < count &&
+           (trips.times_s.empty() || clock.seconds() < patience_s)) {
       const std::optional<double> time_s = round_trip(bytes, patience_s);
-      if (!time_s) {
-        wrong(name, std::to_string(bytes) + " bytes there and back: not within " +
-                        std::to_string(patience_s) + " s");
-        return;
-      }
-      times_s.push_back(*time_s);
+      if (time_s) trips.times_s.push_back(*time_s);
+      trips.is_overdue = !time_s;
     }
-    std::sort(times_s.begin(), times_s.end());
-    const double median_s = times_s[times_s.size() / 2];
-    std::string text = "median " + milliseconds(median_s) + ", worst " +
-                       milliseconds(times_s.back()) + " of " + std::to_string(times_s.size());
-    nlohmann::ordered_json value = {{"bytes", bytes},
-                                    {"count", times_s.size()},
-                                    {"median_s", median_s},
-                                    {"worst_s", times_s.back()}};
-    if (bytes >= kMegabyte) {
-      const double mbit_s = 16e-6 * static_cast<double>(bytes) / median_s;
-      char rate[48];
-      std::snprintf(rate, sizeof rate, "; %.1f Mbit/s, both ways added", mbit_s);
-      text += rate;
-      value["mbit_per_s"] = mbit_s;
-    }
-    good(name, text, value);
+    trips.is_interrupted = is_interrupted();
+    findings_.push_back(finding_of(std::move(trips)));
   }
 
   /// Kilobytes that nobody repairs, there and back.
@@ -397,24 +364,18 @@ class Doctor {
           back.insert(reply.number);
     };
     const Stopwatch clock;
-    for (std::uint32_t i = 0; i < kProbeCount && stop_requested == 0; ++i) {
+    std::uint32_t sent = 0;
+    for (std::uint32_t i = 0; i < kProbeCount && !is_interrupted(); ++i) {
       echo.number = ++number_;
       static_cast<void>(echo_->send(echo, true));
+      ++sent;
       const double due_s = (i + 1) * kProbePeriod_s;
       do collect(std::max(0.0, due_s - clock.seconds()));
       while (clock.seconds() < due_s);
     }
     const Stopwatch grace;
-    while (back.size() < kProbeCount && grace.seconds() < kProbeGrace_s) collect(0.02);
-    const double loss = 1 - static_cast<double>(back.size()) / kProbeCount;
-    char text[80];
-    std::snprintf(text, sizeof text, "%.1f %% of %u kilobytes there and back", 100 * loss,
-                  kProbeCount);
-    if (loss > kMostLoss)
-      add(Finding::Kind::kWrong, "loss", std::string(text) + ": try --transport thin, or tcp",
-          loss);
-    else
-      good("loss", text, loss);
+    while (back.size() < sent && grace.seconds() < kProbeGrace_s) collect(0.02);
+    findings_.push_back(finding_of(Probes{sent, back.size(), is_interrupted()}));
   }
 
   void test_other() {
@@ -434,7 +395,8 @@ class Doctor {
       for (const auto& model : found.second.models) {
         const auto header = headers_.find(model.content_hash);
         if (header == headers_.end()) {
-          wrong("header", "model " + model.name + ": its header has not come");
+          add(is_interrupted() ? Finding::Kind::kFact : Finding::Kind::kWrong, "header",
+              "model " + model.name + ": its header has not come");
         } else {
           good("header",
                "model " + model.name + ", " + std::to_string(header->second.second) +

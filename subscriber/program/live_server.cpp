@@ -35,7 +35,7 @@ class LiveServer::Impl {
     mg_init_library(MG_FEATURES_WEBSOCKET);
     // Twice as many threads as browsers: a page and its socket.
     const std::array<const char*, 9> options{
-        "listening_ports",      address_.c_str(), "num_threads", "16", "request_timeout_ms", "5000",
+        "listening_ports",      address_.c_str(), "num_threads", "16", "request_timeout_ms", "1500",
         "websocket_timeout_ms", "3600000",        nullptr};
     mg_callbacks callbacks{};
     callbacks.log_message = [](const mg_connection*, const char*) { return 1; };
@@ -65,10 +65,17 @@ class LiveServer::Impl {
     return Status::ok();
   }
 
-  void send(const Streams& streams, const std::string& text) {
+  void send(const Streams& streams, const std::string& text, const std::function<bool()>& is_over) {
     const std::lock_guard lock(mutex_);
-    for (auto at = browsers_.begin(); at != browsers_.end();)
+    for (auto at = browsers_.begin(); at != browsers_.end() && !is_over();)
       at = give(at->first, at->second, streams, text) ? std::next(at) : browsers_.erase(at);
+  }
+  /// Who is told is left: it comes again.
+  void begin_anew() {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [browser, sent] : browsers_)
+      static_cast<void>(write(browser, MG_WEBSOCKET_OPCODE_TEXT, R"({"anew":true})"));
+    browsers_.clear();
   }
 
  private:
@@ -145,8 +152,10 @@ Result<std::unique_ptr<LiveServer>> LiveServer::start(const std::string& address
   return std::unique_ptr<LiveServer>(new LiveServer(std::move(impl)));
 }
 
-void LiveServer::send(const Streams& streams, const std::string& text) {
-  impl_->send(streams, text);
+void LiveServer::send(const Streams& streams, const std::string& text,
+                      const std::function<bool()>& is_over) {
+  impl_->send(streams, text, is_over);
 }
+void LiveServer::begin_anew() { impl_->begin_anew(); }
 
 }  // namespace nearmesh::subscriber::program

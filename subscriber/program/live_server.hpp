@@ -24,9 +24,11 @@ class LiveServer {
   /// Calls its argument for each stream, with its name and all of its bytes.
   using Streams =
       std::function<void(const std::function<void(const std::string&, const std::string&)>&)>;
-  /// Sends each browser what it lacks of each stream, and the text. Blocks for as long as a browser takes, seconds at most; one
-  /// that takes longer is left.
-  void send(const Streams& streams, const std::string& text);
+  /// Sends each browser what it lacks of each stream, and the text, until `is_over` says so. Blocks for as long as a browser takes; one
+  /// that takes nothing for 1.5 s is left.
+  void send(const Streams& streams, const std::string& text, const std::function<bool()>& is_over);
+  /// The streams begin anew: each browser is told so, {"anew": true}, and loads the page again.
+  void begin_anew();
 
  private:
   class Impl;

@@ -211,6 +211,13 @@ void add_watch_command(CLI::App& app, Action& chosen) {
   command->add_option("--models", options->models,
                       "Folder with .spm files: from them peers are taken up that began before this "
                       "program");
+  command
+      ->add_option(
+          "--max-size", options->max_bytes,
+          "Forget what was heard until then, and begin anew, where it takes so much of the "
+          "disk, in bytes or as 100MB; in memory it takes about as much")
+      ->transform(CLI::AsSizeValue(true))
+      ->capture_default_str();
   add_ros2_options(*command, options->ros2, "The frame that what is shown is in");
   add_transport_options(*command, options->transport);
   command->callback([options, &chosen] {

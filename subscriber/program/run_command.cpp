@@ -314,7 +314,8 @@ class Flight {
     }
     // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
     NEARMESH_RETURN_IF_ERROR(flush_standard_output());
-    if (!answers_) return Status::ok();
+    // A flight of no frame leaves what the file holds of an earlier one.
+    if (!answers_ || summary_.frames == 0) return Status::ok();
     NEARMESH_RETURN_IF_ERROR(answers_->write(to_json(summary_).dump() + '\n'));
     return answers_->close();
   }
@@ -566,8 +567,11 @@ Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
 
 Outcome run(const RunOptions& options) {
   Stopwatch clock;
+  // Nothing was begun yet: whoever stops it need not wait for a long trajectory.
+  wire::program::end_on_signals();
   Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
+  wire::program::stop_on_signals();
   if (options.ros2.is_wanted) scene.value().session.contacts = true;
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);

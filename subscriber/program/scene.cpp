@@ -60,6 +60,18 @@ double number_in(const YAML::Node& map, const std::string& key, double otherwise
   return x;
 }
 
+/// `count` stays where nothing is given.
+template <class Count>
+void count_in(const YAML::Node& map, const std::string& key, std::uint64_t most, Count& count) {
+  const YAML::Node node = map[key];
+  if (!node) return;
+  const double x = value<double>(node, key, "a number");
+  if (!(x >= 0 && x <= static_cast<double>(most)) || x != std::floor(x))
+    fail(node, key + ": expected a whole number in [0, " + std::to_string(most) + "], found " +
+                   node.as<std::string>());
+  count = static_cast<Count>(x);
+}
+
 std::string name_of(const YAML::Node& map, const std::string& key, const std::string& where) {
   const YAML::Node node = map[key];
   if (!node) fail(map, where + ": no " + key);
@@ -201,8 +213,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   scene.session.max_pose_age_s =
       number_in(root, "max_pose_age_s", scene.session.max_pose_age_s, 0, kMaxPoseAge_s);
   scene.session.sweep_s = number_in(root, "sweep_s", scene.session.sweep_s, 0, 60);
-  scene.session.max_held_splits =
-      static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
+  count_in(root, "max_held_splits", 4'000'000'000, scene.session.max_held_splits);
   if (root["clearance"]) scene.session.clearance = clearance(root["clearance"]);
   if (root["cache"]) {
     const std::filesystem::path cache = value<std::string>(root["cache"], "cache", "a folder");
@@ -213,16 +224,11 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (root["depth"]) scene.session.depth = value<bool>(root["depth"], "depth", "true or false");
   if (root["any"]) scene.session.any = value<bool>(root["any"], "any", "true or false");
-  constexpr double kMostTests = 1e15;
-  const auto limit = [&](const char* key, auto& of_session) {
-    if (root[key])
-      of_session =
-          static_cast<std::decay_t<decltype(of_session)>>(number_in(root, key, 0, 0, kMostTests));
-  };
-  limit("max_pairs", scene.session.max_pairs);
-  limit("max_tests", scene.session.max_tests);
-  limit("max_sweep_tests", scene.session.max_sweep_tests);
-  limit("max_depth_tests", scene.session.max_depth_tests);
+  constexpr std::uint64_t kMostTests = 1'000'000'000'000'000;
+  count_in(root, "max_pairs", kMostTests, scene.session.max_pairs);
+  count_in(root, "max_tests", kMostTests, scene.session.max_tests);
+  count_in(root, "max_sweep_tests", kMostTests, scene.session.max_sweep_tests);
+  count_in(root, "max_depth_tests", kMostTests, scene.session.max_depth_tests);
   const std::string many =
       root["pairs"] && root["pairs"].IsScalar() ? root["pairs"].Scalar() : std::string();
   scene.watches_only_own = many == "own";

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "core/world/world_folder.hpp"
 #include "hostile_world.hpp"
@@ -211,6 +212,67 @@ TEST_F(WorldProgram, WhatIsThereIsNotBakedAgain) {
   EXPECT_EQ(parse(model(command)).at("baked"), 1);
   EXPECT_TRUE(fs::exists(lost));
   EXPECT_EQ(model("check " + path("w")).code, 0);
+}
+
+// Of the same size as before, so that only its bytes tell.
+TEST_F(WorldProgram, ADamagedTileIsBakedAnew) {
+  const std::string command =
+      "build-world " + raw_flags() + " -o " + path("w") + " --faces 200 --json";
+  const json first = parse(model(command));
+  for (const double share : {0.1, 0.5, 0.99}) {
+    const std::string tile = fs::directory_iterator(path("w") + "/tiles")->path().string();
+    const auto at = static_cast<std::streamoff>(share * static_cast<double>(fs::file_size(tile)));
+    std::fstream file(tile, std::ios::binary | std::ios::in | std::ios::out);
+    const char was = static_cast<char>(file.seekg(at).get());
+    file.seekp(at).put(static_cast<char>(was ^ 1));
+    file.close();
+    ASSERT_EQ(model("check " + path("w")).code, 256) << "at " << share;
+    const Ended again = model(command);
+    EXPECT_EQ(parse(again).at("baked"), 1) << "at " << share;
+    EXPECT_EQ(parse(again).at("world"), first.at("world"));
+    EXPECT_NE(again.err.find(tile + ": is damaged, and baked anew"), std::string::npos)
+        << again.err;
+    EXPECT_EQ(model("check " + path("w")).code, 0) << "at " << share;
+  }
+}
+
+TEST_F(WorldProgram, WarnsOfItsInputsAsBuildDoes) {
+  const auto warnings = [](const Ended& ended) {
+    std::set<std::string> found;
+    std::istringstream lines(ended.err);
+    constexpr std::string_view kWarning = ": warning: ";
+    for (std::string line; std::getline(lines, line);)
+      if (const std::size_t at = line.find(kWarning); at != std::string::npos)
+        found.insert(line.substr(at + kWarning.size()));
+    return found;
+  };
+  ASSERT_EQ(model("generate sphere --size 16 -o " + path("s.ply")).code, 0);
+  const std::string tiny = path("s.ply") + " --scale 0.0001 -o ";
+  const Ended world = model("build-world " + tiny + path("w") + " --faces 100 --json");
+  const Ended alone = model("build " + tiny + path("s.spm"));
+  ASSERT_EQ(warnings(world).size(), 1U) << world.err;
+  ASSERT_EQ(warnings(alone).size(), 1U) << alone.err;
+  // But for the length, which build takes from vertices that it has rounded.
+  const auto but_length = [&](const Ended& ended) {
+    const std::string text = *warnings(ended).begin();
+    return text.substr(std::min(text.size(), text.find(", less than a centimetre: is its unit")));
+  };
+  EXPECT_GT(but_length(world).size(), 100U) << world.err;
+  EXPECT_EQ(but_length(world), but_length(alone));
+  const json listed = parse(world).at("warnings");
+  ASSERT_EQ(listed.size(), 1U);
+  EXPECT_EQ(listed[0].at("input"), path("s.ply"));
+  EXPECT_EQ(listed[0].at("text"), *warnings(world).begin());
+  // The one hole of the hill is in few of its windows.
+  const std::string flags = " --faces 100 --json -o ";
+  EXPECT_EQ(warnings(model("build-world " + raw_flags() + flags + path("h"))),
+            std::set<std::string>{});
+  std::string wrong = raw_flags();
+  wrong.replace(wrong.find("-32768"), 6, "-32767");
+  const Ended unmatched = model("build-world " + wrong + flags + path("n"));
+  EXPECT_EQ(warnings(unmatched), warnings(model("build " + wrong + " -o " + path("n.spm"))));
+  EXPECT_NE(warnings(unmatched).count("--nodata: no post has the sample -32767: is it right?"), 0U)
+      << unmatched.err;
 }
 
 TEST_F(WorldProgram, APlanFollowsTheLatticeOfTheWorldThatIsThere) {

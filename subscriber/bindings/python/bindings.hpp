@@ -13,6 +13,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "nearmesh/core/geometry/motion.hpp"
@@ -39,10 +40,13 @@ template <class T>
   raise({StatusCode::kInvalidArgument, why});
 }
 
-/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range.
+/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range. Of arguments `noconvert()` asks the
+/// same: a number that may have a fraction, as numpy.float32 and Decimal, is no whole one, and pybind11 would cut the fraction off.
 template <class T>
 [[nodiscard]] T given_as(const py::handle& given, const std::string& name) {
   try {
+    if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>)
+      if (PyIndex_Check(given.ptr()) == 0) throw py::cast_error();
     return py::cast<T>(given);
   } catch (const py::cast_error&) {
     refuse(name + ": found " + std::string(py::repr(given)) + ", of a wrong type or out of range");

@@ -323,7 +323,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             const auto& contacts = report.answers[row].contacts;
             return contacts ? contacts_object(*contacts) : py::none();
           },
-          py::arg("row"),
+          py::arg("row").noconvert(),
           "Where the bodies of a row of answers touch; None without contact, or without the "
           "session's option contacts.")
       .def(
@@ -332,7 +332,8 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             if (row >= report.answers.size()) throw py::index_error("no such row of answers");
             return rows_of(report.answers[row].contact_ids);
           },
-          py::arg("row"), "Of each patch of contacts(row): a number that lasts with the contact.")
+          py::arg("row").noconvert(),
+          "Of each patch of contacts(row): a number that lasts with the contact.")
       .def(
           "depth",
           [](const FrameReport& report, std::size_t row) -> py::object {
@@ -340,7 +341,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             const auto& depth = report.answers[row].depth;
             return depth ? py::cast(*depth) : py::none();
           },
-          py::arg("row"),
+          py::arg("row").noconvert(),
           "How deep the bodies of a row of answers are in each other; None without contact, or "
           "without the session's option depth.")
       .def(
@@ -356,7 +357,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
                               tile.missing.size()});
             return py::make_tuple(to_hex(world->world), rows_of(rows), world->missing_pages.size());
           },
-          py::arg("row"),
+          py::arg("row").noconvert(),
           "Where one of the bodies of a row of answers is a world, and was asked: the world's "
           "content, its tiles near the other body as a structured array (tile, place, is_here, "
           "asked, status, pairs, missing), and how many pages have not come. Else None.")
@@ -395,7 +396,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             if (pair == nullptr) return py::none();
             return py::cast(pair - report.answers.data());
           },
-          py::arg("a"), py::arg("b"),
+          py::arg("a").noconvert(), py::arg("b"),
           "The row of two bodies, in either order; None where it is not listed.")
       .def_property_readonly("all_certified", &FrameReport::all_certified,
                              "Of all pairs, listed or not.")
@@ -493,7 +494,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
                       "A session fed from files: {name: path}, and worlds: {name: folder}. No network, no "
                       "DDS; NotFoundError, IoError, CorruptError or UnsupportedError of a file.")
           .def_static(
-              "dds", &dds_session, py::kw_only(), py::arg("domain") = 0U, py::arg("interface") = "",
+              "dds", &dds_session, py::kw_only(), py::arg("domain").noconvert() = 0U, py::arg("interface") = "",
               py::arg("name") = "", py::arg("prefix") = "nearmesh", py::arg("transport") = "lan",
               py::arg("security") = "", py::arg("initial_peers") = std::vector<std::string>{},
               py::arg("discovery_server") = "",
@@ -524,7 +525,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
               py::arg("solid") = false, py::arg("content") = "",
               py::arg("max_pose_age_s") = py::none(),
-              py::arg("group") = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
+              py::arg("group").noconvert() = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
               R"(Declares a body and gives its number.
 
 name: on the bus, unique, 1 to 63 bytes of printable ASCII. model: the publisher's name for it. own: this peer moves it. solid: it has an
@@ -538,7 +539,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.place_body(BodyId{body}, at); }));
               },
-              py::arg("body"), py::arg("pose"),
+              py::arg("body").noconvert(), py::arg("pose"),
               "Fixes a body in place, for scenery that nobody moves.")
           .def(
               "link_bodies",
@@ -547,7 +548,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 for (const std::uint32_t body : bodies) links.push_back(BodyId{body});
                 need(unlocked(peer, [&](Session& session) { return session.link_bodies(links); }));
               },
-              py::arg("bodies"),
+              py::arg("bodies").noconvert(),
               "Makes own bodies the links of one robot: whoever hears them takes all poses of one "
               "instant or none. Each update() then gives motions of all links, or of none. Before "
               "any of them has a motion.")
@@ -557,7 +558,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(peer,
                               [&](Session& session) { return session.remove_body(BodyId{body}); }));
               },
-              py::arg("body"),
+              py::arg("body").noconvert(),
               "The body is there no more, nor are its pairs. A link takes all of its robot with it.")
           .def(
               "replace_model",
@@ -568,7 +569,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                   return session.replace_model(BodyId{body}, model, pin);
                 }));
               },
-              py::arg("body"), py::arg("model"), py::arg("content") = "",
+              py::arg("body").noconvert(), py::arg("model"), py::arg("content") = "",
               "From now on the body has another model; where it is stays.")
           .def(
               "watch",
@@ -576,7 +577,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a"), py::arg("b"),
+              py::arg("a").noconvert(), py::arg("b"),
               "Lists the answer about two bodies in every frame, near or not.")
           .def(
               "unwatch",
@@ -584,7 +585,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a"), py::arg("b"), "Takes watch() back.")
+              py::arg("a").noconvert(), py::arg("b"), "Takes watch() back.")
           .def(
               "watch_all",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
@@ -611,7 +612,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                                 "own"_a = of.own, "solid"_a = of.solid, "group"_a = of.group,
                                 "mask"_a = of.mask, "max_speed_mps"_a = of.max_speed_mps);
               },
-              py::arg("body"), "A body as it was declared, here or by its mover.")
+              py::arg("body").noconvert(), "A body as it was declared, here or by its mover.")
           .def(
               "held_mesh",
               [](Peer& peer, std::uint32_t body) {
@@ -619,7 +620,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                     unlocked(peer, [&](Session& session) { return session.held_mesh(BodyId{body}); }));
                 return py::make_tuple(faces_of(held.exact_m), faces_of(held.coarse_m));
               },
-              py::arg("body"),
+              py::arg("body").noconvert(),
               "What is held of a body's model, to be drawn: corners of faces (n, 3, 3), metres, its "
               "frame, of the full mesh; and of those that stand for what is missing.")
           .def(
@@ -628,7 +629,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 return unlocked(peer,
                                 [&](Session& session) { return session.held_state(BodyId{body}); });
               },
-              py::arg("body"),
+              py::arg("body").noconvert(),
               "The same number while held_mesh(body) is the same; 0 where there is none.")
           .def(
               "readiness",
@@ -637,7 +638,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                     unlocked(peer, [&](Session& session) { return session.readiness(BodyId{body}); }));
                 return py::make_tuple(to_string(found.stage), found.reason);
               },
-              py::arg("body"), "(stage, reason) as of the last update, as of wait_ready.")
+              py::arg("body").noconvert(), "(stage, reason) as of the last update, as of wait_ready.")
           .def(
               "region_readiness",
               [](Peer& peer, std::uint32_t body, const std::array<double, 3>& lo_m,
@@ -647,7 +648,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 }));
                 return py::make_tuple(found.resolved, found.uncertainty_m, found.reason);
               },
-              py::arg("body"), py::arg("lo_m"), py::arg("hi_m"),
+              py::arg("body").noconvert(), py::arg("lo_m"), py::arg("hi_m"),
               "(resolved, uncertainty_m, reason) of a box in the body's model frame: whether all of "
               "the full mesh there is here.")
           .def(
@@ -661,7 +662,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               [](Peer& peer, std::uint32_t body) {
                 return unlocked(peer, [&](Session& session) { return session.name_of(BodyId{body}); });
               },
-              py::arg("body"), "Its name; empty where no such body is declared.")
+              py::arg("body").noconvert(), "Its name; empty where no such body is declared.")
           .def(
               "update",
               [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
@@ -671,7 +672,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                   return session.update(frame, time_s, own, budget_s);
                 }));
               },
-              py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
+              py::arg("frame").noconvert(), py::arg("time_s"), py::arg("motions") = py::dict(),
               py::arg("budget_s") = 0.005,
               R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
 
@@ -689,8 +690,8 @@ seconds of wall clock, is too little, pairs take turns, who may touch soonest fi
                 return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
                                       std::move(waited.report));
               },
-              py::arg("body"), py::arg("timeout_s"), py::arg("motions") = py::dict(),
-              py::arg("frame") = 0U, py::arg("time_s") = 0.0,
+              py::arg("body").noconvert(), py::arg("timeout_s"), py::arg("motions") = py::dict(),
+              py::arg("frame").noconvert() = 0U, py::arg("time_s") = 0.0,
               R"(Updates until all pairs of a body are certified, or the time is over: (stage, reason, report of the last update).
 
 stage: "waiting", "answering" or "certified".)")
@@ -699,7 +700,7 @@ stage: "waiting", "answering" or "certified".)")
               [](Peer& peer, std::uint32_t body) {
                 return unlocked(peer, [&](Session& session) { return session.motion_of(BodyId{body}); });
               },
-              py::arg("body"), "Where a body was last known to be; None where no pose has come.")
+              py::arg("body").noconvert(), "Where a body was last known to be; None where no pose has come.")
           .def_property_readonly("heard_time_s",
                                  [](Peer& peer) {
                                    return unlocked(peer, [](Session& session) {

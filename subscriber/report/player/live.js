@@ -36,6 +36,7 @@ class Live {
   }
   takeText(told) {
     const {player} = this;
+    if (told.anew) { location.reload(); return; }
     for (const process of told.processes) if (process.name) player.facts.names[process.id] = process.name;
     this.tell(told);
     const now = performance.now();

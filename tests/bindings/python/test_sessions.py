@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Peers: fed from files, and on DDS beside a publisher."""
 import concurrent.futures
+import decimal
+import fractions
 import json
 import os
 import pathlib
@@ -358,6 +360,26 @@ def test_what_is_wrong_is_told(ball, wrong, kind, text):
     with pytest.raises(kind, match=text):
         wrong(session)
     fly(session, (0, 1), 3)  # and nothing is broken by it
+
+
+@pytest.mark.parametrize("number", [np.float32(1.5), np.float32(1), decimal.Decimal("1.5"), fractions.Fraction(3, 2)])
+def test_what_counts_something_is_whole(ball, number):
+    # Else body 1.5 is body 1, and 0.5 splits are no limit.
+    for option in ("max_pairs", "max_tests", "max_held_splits", "threads"):
+        with pytest.raises(ValueError, match=option):
+            nm.Session.local({"ball": ball.path}, **{option: number})
+    session = nm.Session.local({"ball": ball.path}, max_pairs=np.int64(3), max_tests=np.uint8(200))
+    two_balls(session)
+    with pytest.raises(TypeError):
+        session.watch(0, number)
+    with pytest.raises(TypeError):
+        session.name_of(number)
+    with pytest.raises(TypeError):
+        session.update(number, 0)
+    with pytest.raises(ValueError, match="number of a body"):
+        session.update(0, 0, {number: np.eye(4)})
+    session.watch(np.int32(0), np.uint64(1))
+    assert session.name_of(np.int16(1)) == "b"
 
 
 def test_a_peer_on_dds(ball):

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <concepts>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "idl/dds/dds_support.hpp"
 #include "idl/messages/process_name.hpp"
@@ -257,6 +258,34 @@ TEST_F(Operate, WatchShowsTheBusInABrowser) {
     EXPECT_EQ(status, 0) << test::read_text(out);
   EXPECT_EQ(watch.wait(), 0) << watch.err();
   if (WEXITSTATUS(status) == 77) GTEST_SKIP() << "no Chromium here (Debian package chromium)";
+}
+
+// Else it would fill a disk in days, and the memory of all that look.
+TEST_F(Operate, WatchBeginsAnewAtItsSize) {
+  write_scene(20000);
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const Variable scratch("TMPDIR", folder.path());
+  const std::string port = free_port();
+  Process watch(folder, "nearmesh-subscriber",
+                with({"watch", "--http", port, "--max-size", "256KiB"}));
+  ASSERT_TRUE(test::await([&] { return !watch.out().empty() || watch.is_over(); })) << watch.err();
+  if (watch.err().find("three.js") != std::string::npos) GTEST_SKIP() << watch.err();
+  const Process peer(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
+  const auto recordings = [&] {
+    std::set<std::string> names;
+    std::error_code gone;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder.path(), gone))
+      if (entry.path().filename().string().starts_with("live_") &&
+          entry.path().extension() == ".db3")
+        names.insert(entry.path().filename().string());
+    return names;
+  };
+  EXPECT_TRUE(test::await([&] { return recordings() == std::set<std::string>{"live_2.db3"}; }, 90))
+      << recordings().size() << watch.err();
+  EXPECT_FALSE(watch.is_over()) << watch.err();
+  watch.signal(SIGINT);
+  EXPECT_EQ(watch.wait(), 0) << watch.err();
+  EXPECT_TRUE(recordings().empty());
 }
 
 TEST_F(Operate, WatchSaysWhatIsWrong) {
@@ -748,6 +777,19 @@ TEST_F(Operate, TwoDoctorsFindEachOtherHealthy) {
     EXPECT_FALSE(finding(report, "locators").at("value").empty());
     EXPECT_FALSE(finding(report, "interfaces").at("value").empty());
   }
+}
+
+TEST_F(Operate, ADoctorThatIsInterruptedBeforeItFoundAnybodySuspectsNothing) {
+  Process doctor(folder, "nearmesh-subscriber", with({"doctor", "--json", "--seconds", "600"}));
+  test::pause(2);
+  doctor.signal(SIGINT);
+  EXPECT_EQ(doctor.wait(10), 1) << doctor.err();
+  const json report = json::parse(doctor.out());
+  EXPECT_FALSE(report.at("healthy"));
+  const std::string text = finding(report, "interrupted").at("text");
+  EXPECT_NE(text.find("of 600.0 s: nobody was found until then"), std::string::npos) << text;
+  for (const json& one : report.at("findings"))
+    EXPECT_TRUE(one.at("name") != "discovery" && one.at("name") != "data") << one;
 }
 
 TEST_F(Operate, DoctorAgainstAPublisherSeesItsModels) {

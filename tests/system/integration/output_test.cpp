@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every verb of every program: a stream that fails ends it with exit code 1 and a line, and what a user has is never harmed.
+#include <sys/ioctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "process.hpp"
@@ -408,6 +412,24 @@ TEST_F(Output, WhatIsPrintedIsJsonWhateverFilesAreCalled) {
   }
 }
 
+// On the page that is named: who reads what a program prints must know what it means.
+TEST_F(Output, EachFieldOfAModelAndAWorldIsWrittenDown) {
+  for (const auto& [words, page] : std::vector<std::pair<std::string, std::string>>{
+           {"build --json {mesh} -o {out}.spm", "import"},
+           {"info --json {out}.spm", "import"},
+           {"build-world --json {mesh} -o {out}", "worlds"},
+           {"info --json {out}", "worlds"}}) {
+    const std::string text = test::read_text(NEARMESH_DOCS_DIR "/" + page + ".md");
+    std::string out, err;
+    ASSERT_EQ(test::run(folder, kModel, words_of(words), &out, &err), 0) << err;
+    const nlohmann::json report = nlohmann::json::parse(out);
+    EXPECT_GT(report.size(), 10U) << words;
+    for (const auto& [field, value] : report.items())
+      EXPECT_NE(text.find("`" + field + "`"), std::string::npos)
+          << field << " of " << words << " is not in docs/" << page << ".md";
+  }
+}
+
 TEST_F(Output, WhatIsNoNumberIsWrongUsage) {
   for (const Row& row : std::vector<Row>{{kModel, "build {mesh} -o {out}.spm --cell nan"},
                                          {kSubscriber, "status --seconds nan {bus}"},
@@ -442,6 +464,94 @@ TEST_F(Output, VerbsThatDoNotRunOnEndAtOnceWhenInterrupted) {
     EXPECT_NE(process.wait(), 0) << process.err();
     EXPECT_EQ(process.out(), "");
   }
+}
+
+// --- Ctrl-C
+
+constexpr double kSoon_s = 5;  ///< two seconds, and what a busy machine takes
+
+// A flight waits until somebody opens the pipe to read, and for whoever then does not read.
+TEST_F(Output, AFlightEndsWhenInterruptedThoughNobodyReadsItsAnswers) {
+  serve({kSubscriber, "", true, {}, true});
+  ASSERT_EQ(::mkfifo(folder.file("pipe").c_str(), 0600), 0);
+  const std::string scene = test::read_text(filled("{scene}")) + "duration_s: 600\n";
+  folder.write("long.yaml", scene);
+  files["{long}"] = folder.file("long.yaml");
+  files["{pipe}"] = folder.file("pipe");
+  for (const bool is_open : {false, true}) {
+    SCOPED_TRACE(is_open ? "nobody reads" : "nobody opens");
+    const int reader = is_open ? ::open(folder.file("pipe").c_str(), O_RDWR | O_CLOEXEC) : -1;
+    Process process(folder, kSubscriber, words_of("run {long} --answers {pipe} {bus}"));
+    ASSERT_TRUE(process.says("joined domain")) << process.err();
+    ASSERT_TRUE(!is_open || ::fcntl(reader, F_SETPIPE_SZ, 4096) > 0);
+    int waits = 0, before = 0;  // until the pipe is full
+    const auto is_full = [&] {
+      test::pause(0.2);
+      ::ioctl(reader, FIONREAD, &waits);
+      return waits > 1500 && waits == std::exchange(before, waits);
+    };
+    if (is_open) {
+      ASSERT_TRUE(test::await(is_full, 120)) << process.err();
+    } else {
+      test::pause(1);
+    }
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait(kSoon_s), 1) << process.err();
+    EXPECT_NE(process.err().find("pipe: cannot "), std::string::npos) << process.err();
+    if (is_open) ::close(reader);
+  }
+}
+
+TEST_F(Output, StatusEndsWhenInterruptedThoughNobodyReadsIt) {
+  serve({kSubscriber, "", true, {}, true});
+  std::array<int, 2> pipe{};
+  ASSERT_EQ(::pipe2(pipe.data(), O_CLOEXEC), 0);
+  ASSERT_GT(::fcntl(pipe[0], F_SETPIPE_SZ, 4096), 0);
+  std::vector<std::string> words = words_of("status --watch --json --seconds 0.1 {bus}");
+  words.insert(words.begin(), NEARMESH_BIN_DIR "/" + kSubscriber);
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    ::dup2(pipe[1], STDOUT_FILENO);
+    ::execv(argv[0], argv.data());
+    ::_exit(127);
+  }
+  int waits = 0, before = 0;
+  EXPECT_TRUE(test::await([&] {
+    test::pause(0.5);
+    ::ioctl(pipe[0], FIONREAD, &waits);
+    return waits > 2000 && waits == std::exchange(before, waits);
+  }));
+  ::kill(pid, SIGINT);
+  int status = 0;
+  const bool is_over =
+      test::await([&] { return ::waitpid(pid, &status, WNOHANG) == pid; }, kSoon_s);
+  EXPECT_TRUE(is_over);
+  if (is_over) {
+    EXPECT_TRUE(WIFEXITED(status)) << status;
+    EXPECT_EQ(WEXITSTATUS(status), 1) << "what was printed is lost";
+  } else {
+    ::kill(pid, SIGKILL);
+    ::waitpid(pid, &status, 0);
+  }
+  for (const int end : pipe) ::close(end);
+}
+
+// Nobody serves, so it waits for its first frame.
+TEST_F(Output, AFlightThatEndsBeforeItsFirstFrameLeavesOlderAnswers) {
+  const std::string old = "{\"frame\":0,\"kept\":true}\n";
+  folder.write("old.jsonl", old);
+  files["{old}"] = folder.file("old.jsonl");
+  Process process(folder, kSubscriber, words_of("run {scene} --answers {old} {bus}"));
+  ASSERT_TRUE(process.says("joined domain")) << process.err();
+  test::pause(1);
+  process.signal(SIGINT);
+  EXPECT_EQ(process.wait(kSoon_s), 0) << process.err();
+  EXPECT_NE(process.out(), "") << "there is no summary";
+  EXPECT_EQ(test::read_text(filled("{old}")), old);
 }
 
 // With no standard output at all, what is printed must not end up in a file that is being written.

@@ -3,9 +3,11 @@
 #include "core/base/output_file.hpp"
 #include "tests/support/folder.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -142,22 +144,57 @@ TEST_F(OutputFiles, AppearTogetherOnceAllCouldBeWritten) {
   EXPECT_EQ(read(old), "POEM old");
   EXPECT_EQ(files(), 1);
 
-  const auto descriptors = [] {
-    return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator{});
-  };
-  const std::ptrdiff_t before = descriptors();
   std::vector<OutputFile> together;
   for (const char* name : {"a", "b"}) {
     Result<OutputFile> written = OutputFile::whole(path(name), kPoem, "POEM new");
     ASSERT_TRUE(written.is_ok());
     together.push_back(std::move(written).value());
   }
-  EXPECT_EQ(descriptors(), before);
   EXPECT_EQ(read(old), "POEM old");
   EXPECT_FALSE(fs::exists(path("b")));
   for (OutputFile& file : together) EXPECT_TRUE(file.close().is_ok());
   for (const char* name : {"a", "b"}) EXPECT_EQ(read(path(name)), "POEM new");
   EXPECT_EQ(files(), 2);
+}
+
+// Those that wait for others must leave descriptors for what else the process does.
+TEST_F(OutputFiles, ManyThatWaitHoldAQuarterOfTheDescriptors) {
+  rlimit limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &limit), 0);
+  const rlimit few{200, limit.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
+  std::vector<OutputFile> together;
+  for (int i = 0; i < 300; ++i) {
+    Result<OutputFile> written = OutputFile::whole(path(std::to_string(i)), kPoem, "POEM");
+    ASSERT_TRUE(written.is_ok()) << i << written.status().message();
+    together.push_back(std::move(written).value());
+  }
+  EXPECT_LE(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator{}), 52);
+  for (OutputFile& file : together) EXPECT_TRUE(file.close().is_ok());
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &limit), 0);
+  EXPECT_EQ(files(), 300);
+  EXPECT_EQ(read(path("299")), "POEM");
+}
+
+TEST_F(OutputFiles, LeaveNothingBesideWhenTheProcessIsKilled) {
+  const int unnamed = ::open(folder.c_str(), O_TMPFILE | O_WRONLY, 0600);
+  if (unnamed < 0) GTEST_SKIP() << "this file system has no files without a name";
+  ::close(unnamed);
+  const std::string old = put("a", "POEM old");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    Result<OutputFile> one = OutputFile::create(path("a"), kPoem),
+                       two = OutputFile::whole(path("b"), kPoem, "POEM");
+    if (one.is_ok() && two.is_ok() && one.value().write("POEM new").is_ok() &&
+        one.value().flush().is_ok())
+      ::raise(SIGKILL);
+    ::_exit(1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(read(old), "POEM old");
+  EXPECT_EQ(files(), 1);
 }
 
 TEST_F(OutputFiles, CanBeReadWhileTheyGrow) {

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <string>
 #include <thread>
@@ -57,7 +58,8 @@ TEST(LiveServer, WhoDoesNotReadIsLeft) {
   const std::string film(std::size_t{32} << 20, 'x');  // more than any socket keeps
   const auto seconds_of_sending = [&] {
     const Stopwatch clock;
-    server.value()->send([&](const auto& visit) { visit("world", film); }, "{}");
+    server.value()->send([&](const auto& visit) { visit("world", film); }, "{}",
+                         [] { return false; });
     return clock.seconds();
   };
   const Stopwatch waiting;
@@ -67,6 +69,55 @@ TEST(LiveServer, WhoDoesNotReadIsLeft) {
   }
   EXPECT_LT(seconds_of_sending(), 1);
   ::close(browser);
+}
+
+// A stream that is shorter than before would be read as the rest of what came until then.
+TEST(LiveServer, WhoLooksIsToldThatTheStreamsBeginAnew) {
+  const std::uint16_t port = free_port();
+  const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");
+  ASSERT_TRUE(server.is_ok()) << server.status().message();
+  const int browser = sleeping_browser(port);
+  std::string came;
+  const auto read_until = [&](const std::string& text) {
+    const Stopwatch waiting;
+    while (came.find(text) == std::string::npos && waiting.seconds() < 30) {
+      char bytes[4096];
+      const ssize_t count = ::recv(browser, bytes, sizeof bytes, MSG_DONTWAIT);
+      if (count > 0) came.append(bytes, static_cast<std::size_t>(count));
+      const auto send = [&](const std::string& film) {
+        server.value()->send([&](const auto& visit) { visit("world", film); }, "{}",
+                             [] { return false; });
+      };
+      send("a long film");
+      if (text != "a long film") {
+        server.value()->begin_anew();
+        send("short");
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return came.find(text) != std::string::npos;
+  };
+  EXPECT_TRUE(read_until("a long film"));
+  EXPECT_TRUE(read_until(R"({"anew":true})")) << came;
+  EXPECT_EQ(came.find("short"), std::string::npos)
+      << "it is shown on a page that has the film before";
+  ::close(browser);
+}
+
+TEST(LiveServer, WhoIsToEndWaitsForNobody) {
+  const std::uint16_t port = free_port();
+  const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");
+  ASSERT_TRUE(server.is_ok()) << server.status().message();
+  const std::array<int, 3> browsers{sleeping_browser(port), sleeping_browser(port),
+                                    sleeping_browser(port)};
+  std::this_thread::sleep_for(
+      std::chrono::seconds(1));  // all have come by then; if not, none is waited for
+  const std::string film(std::size_t{32} << 20, 'x');
+  const Stopwatch clock;
+  server.value()->send([&](const auto& visit) { visit("world", film); }, "{}",
+                       [&] { return clock.seconds() > 0.5; });
+  EXPECT_LT(clock.seconds(), 3);
+  for (const int browser : browsers) ::close(browser);
 }
 
 }  // namespace

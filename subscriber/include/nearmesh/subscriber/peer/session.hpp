@@ -263,6 +263,9 @@ struct ProbeReport {
 };
 
 /// A peer. Make a channel and a session, add bodies, watch pairs, then call update() once a frame (docs/embed.md).
+/// A call that gives an error has changed nothing, but write_cache(). One that an exception leaves (std::bad_alloc, or what a channel of the host's throws) has changed
+/// nothing either, or the session is half-way: then each call that gives a status gives kConflict, so that nothing is certified any more,
+/// held_state() is 0, no cache is written, and the session is to be ended.
 /// Threads: one at a time, for all functions. None calls DDS or waits for the network; write_cache() and the destructor write files.
 class Session {
  public:
@@ -328,8 +331,7 @@ class Session {
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
   /// is removed, and another. So are motions of some links of a robot, without the others'.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time, a budget below 0, and the options that
-  /// check() refuses; nothing was changed then. kConflict, of probe() too, after an update that an exception ended half-way (std::bad_alloc,
-  /// or one of a channel of the host's): nothing is certified from then on, end the session.
+  /// check() refuses; nothing was changed then. kConflict where the session is half-way, see above.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
