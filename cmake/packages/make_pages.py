@@ -14,7 +14,8 @@ def help_of(program, *words):
 
 
 def parse(text):
-    """(what it does, usage, [(heading, [(item, description)])], what follows)."""
+    """(what it does, usage, [(heading, [(item, description)])], what follows, examples)."""
+    text, _, examples = text.partition("\nExamples:\n")
     lines = text.splitlines()
     intro, usage, sections, rest = [], "", [], []
     for line in lines:
@@ -33,7 +34,7 @@ def parse(text):
                 items.append((line.strip(), ""))
         elif line.strip():
             (rest if usage else intro).append(line.strip())
-    return " ".join(intro), usage, sections, " ".join(rest)
+    return " ".join(intro), usage, sections, " ".join(rest), [line.strip() for line in examples.splitlines() if line]
 
 
 def roff(text):
@@ -54,7 +55,7 @@ def options_of(sections):
 
 def main(program, page, completion):
     name = pathlib.Path(program).name
-    intro, usage, sections, rest = parse(help_of(program))
+    intro, usage, sections, rest, _ = parse(help_of(program))
     said = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
     version = re.search(r"\d+\.\d+\.\d+", said)[0]
     what = intro.rstrip(".")
@@ -70,7 +71,7 @@ def main(program, page, completion):
     if commands:
         out.append(".SH COMMANDS")
     for command in commands:
-        said, how, parts, after = parse(help_of(program, command))
+        said, how, parts, after, examples = parse(help_of(program, command))
         out += [f'.SS "{roff(how)}"', roff(said)]
         for heading, items in parts:
             out += [".PP", f"\\fI{roff(heading)}\\fR"]
@@ -78,6 +79,8 @@ def main(program, page, completion):
                 out += [".TP", f"\\fB{roff(item)}\\fR", roff(about)]
         if after:
             out += [".PP", roff(after)]
+        if examples:
+            out += [".PP", "Examples:", ".PP", ".nf"] + [roff("    " + line) for line in examples] + [".fi"]
         words[command] = options_of(parts)
     if rest:
         out += [".SH EXIT STATUS", roff(rest)]

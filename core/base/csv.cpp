@@ -69,12 +69,18 @@ Result<double> CsvTable::number(std::size_t row, std::size_t column) const {
   return value;
 }
 
+Status CsvTable::missing_column(std::string_view name) const {
+  std::string found;
+  for (const std::string& one : names_) found += (found.empty() ? "" : ", ") + one;
+  return {StatusCode::kInvalidArgument,
+          path_ + ": expected a column named " + std::string(name) + ", found " + found};
+}
+
 Result<std::vector<std::size_t>> CsvTable::columns(const std::vector<std::string>& names) const {
   std::vector<std::size_t> places;
   for (const std::string& name : names) {
     places.push_back(column(name));
-    if (places.back() == npos)
-      return Status{StatusCode::kInvalidArgument, path_ + ": no column named " + name};
+    if (places.back() == npos) return missing_column(name);
   }
   return places;
 }

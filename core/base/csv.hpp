@@ -33,6 +33,8 @@ class CsvTable {
   /// Errors: kInvalidArgument naming the path and the first column of `names` that is absent.
   [[nodiscard]] Result<std::vector<std::size_t>> columns(
       const std::vector<std::string>& names) const;
+  /// That error of a column: the path, its name, and the columns that are there.
+  [[nodiscard]] Status missing_column(std::string_view name) const;
 
  private:
   std::string path_;

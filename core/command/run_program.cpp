@@ -41,12 +41,25 @@ Outcome parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen
 
 }  // namespace
 
+void end_help(CLI::App& verb, std::initializer_list<const char*> examples,
+              const std::string& said) {
+  std::string end = said.empty() ? "Examples:" : said + "\n\nExamples:";
+  for (const char* example : examples) end += std::string("\n    ") + example;
+  verb.footer(end);
+}
+
 int run_program(CLI::App& app, int argc, char** argv, const Action& chosen,
-                const std::string& libraries) {
+                const std::string& libraries, const std::string& exit_codes) {
   keep_standard_streams();
   const std::string version =
       app.get_name() + " " + NEARMESH_VERSION + (libraries.empty() ? "" : "\n" + libraries);
   app.set_version_flag("--version", version, "Print versions, and end");
+  app.footer(
+      "`" + app.get_name() +
+      " COMMAND --help` tells a command's options, with examples.\n"
+      "Exit codes. 0: done. 1: failed, and the last line on standard error says why. 2: wrong "
+      "usage." +
+      exit_codes);
   for (CLI::App* verb : app.get_subcommands({})) {
     verb->set_version_flag("--version", version, "Print versions, and end");
     refuse_what_is_no_number(*verb);

@@ -59,7 +59,9 @@ Status check_pose(const Pose& pose, std::string_view body) {
                               ", expected a finite number within 1e9 m");
   const auto& t = pose.translation_m;
   if (!(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] <= kMaxTranslationM * kMaxTranslationM))
-    return refuse(body, "translation is longer than 1e9 m");
+    return refuse(body, "translation_m is " +
+                            number(std::sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])) +
+                            " m long, expected at most 1e9");
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t j = i; j < 3; ++j) {
       const double dot = column_dot(pose.rotation, i, j);
@@ -70,7 +72,7 @@ Status check_pose(const Pose& pose, std::string_view body) {
                                 ", expected " + (i == j ? "1" : "0") + " within 1e-5");
     }
   if (!(determinant(pose.rotation) > 0))
-    return refuse(body, "rotation is a reflection: its determinant is negative");
+    return refuse(body, "rotation is a reflection: its determinant is negative, expected 1");
   return Status::ok();
 }
 

@@ -91,7 +91,8 @@ Result<SceneMesh> run_guarded(const std::function<Result<SceneMesh>()>& reader) 
     return reader();
   } catch (const std::bad_alloc&) {
     return Status(StatusCode::kCorrupt,
-                  "the reader needs more memory than a file of this size should");
+                  "the reader needs more memory than a file of this size should: export it in "
+                  "another format");
   } catch (const std::exception& e) {
     return Status(StatusCode::kCorrupt, std::string("the reader failed: ") + e.what());
   } catch (...) {
@@ -336,12 +337,14 @@ Result<SceneMesh> run_in_child(const std::function<Result<SceneMesh>()>& reader,
   const ReadOutcome outcome = receive(pipe, limits, status, scene);
   if (outcome == ReadOutcome::kTimedOut)
     return Status(StatusCode::kCorrupt, "the reader was stopped after " +
-                                            std::to_string(limits.wall_time.count()) + " s");
+                                            std::to_string(limits.wall_time.count()) +
+                                            " s: export it in another format, or in parts");
   if (outcome == ReadOutcome::kEnded)
     return Status(StatusCode::kCorrupt, "the reader " + running.stop());
   if (outcome == ReadOutcome::kMalformed)
-    return Status(StatusCode::kCorrupt,
-                  "the reader gave more than a file of this size should hold");
+    return Status(
+        StatusCode::kCorrupt,
+        "the reader gave more than a file of this size should hold: export it in another format");
   NEARMESH_RETURN_IF_ERROR(status);
   return scene;
 }

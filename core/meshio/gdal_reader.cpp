@@ -63,7 +63,8 @@ Result<double> height_unit(std::string_view name, double otherwise_m) {
     if (equal_ignoring_case(name, foot)) return 0.3048;
   if (equal_ignoring_case(name, "us-ft") || equal_ignoring_case(name, "US survey foot"))
     return 1200.0 / 3937.0;
-  return unsupported("expected heights in metres or feet, found " + quote(name));
+  return unsupported("expected heights in metres or feet, found " + quote(name) +
+                     "; convert its heights before");
 }
 
 Status read_reference(GDALDatasetH dataset, HeightGrid& grid) {
@@ -79,7 +80,9 @@ Status read_reference(GDALDatasetH dataset, HeightGrid& grid) {
   grid.unit = GridUnit::kDegrees;
   constexpr double kDegree = 3.14159265358979323846 / 180;
   if (std::fabs(OSRGetAngularUnits(reference, nullptr) - kDegree) > 1e-9)
-    return unsupported("expected coordinates in degrees, found another angle");
+    return unsupported(
+        "expected coordinates in degrees, found another angle; warp the file before (gdalwarp "
+        "-t_srs EPSG:4326)");
   // GRS 80, that of NAD 83 and ETRS 89, is 0.1 mm narrower at the poles.
   const double axis_m = OSRGetSemiMajor(reference, nullptr),
                inverse = OSRGetInvFlattening(reference, nullptr);
@@ -95,7 +98,9 @@ Status read_place(GDALDatasetH dataset, HeightGrid& grid) {
   for (const double x : t)
     if (!std::isfinite(x)) return {StatusCode::kCorrupt, "GDAL: expected a finite place"};
   if (t[2] != 0 || t[4] != 0 || t[1] == 0 || t[5] == 0)
-    return unsupported("expected columns to the north and rows to the east, found a turned grid");
+    return unsupported(
+        "expected columns to the north and rows to the east, found a turned grid; warp the file "
+        "before (gdalwarp)");
   // A post stands in the middle of its pixel.
   grid.x = make_axis(t[0] + t[1] / 2, t[1], grid.columns);
   grid.y = make_axis(t[3] + t[5] / 2, t[5], grid.rows);
@@ -165,7 +170,8 @@ Status check_bands(GDALDatasetH dataset) {
   const bool has_alpha = count == 2 && GDALGetRasterColorInterpretation(
                                            GDALGetRasterBand(dataset, 2)) == GCI_AlphaBand;
   if (count == 1 || has_alpha) return Status::ok();
-  return unsupported("expected one band of heights, found " + std::to_string(count));
+  return unsupported("expected one band of heights, found " + std::to_string(count) +
+                     "; take one out before (gdal_translate -b 1)");
 }
 
 Result<HeightGrid> read_grid_with_gdal(const std::string& path) {

@@ -126,13 +126,13 @@ struct OffCounts {
 
 Result<OffCounts> parse_off_header(OffLines& lines) {
   auto line = lines.next();
-  if (!line) return corrupt("OFF: the file is blank");
+  if (!line) return corrupt("OFF: expected counts, found a blank file");
   const std::string_view whole = *line;
   const std::string_view keyword = take_word(*line);
   if (keyword.ends_with("OFF")) {
     if (keyword.find_first_of("4n") != std::string_view::npos)
-      return Status(StatusCode::kUnsupported,
-                    "OFF with coordinates other than x, y, z: " + quote(keyword));
+      return Status(StatusCode::kUnsupported, "OFF: expected coordinates x, y, z, found " +
+                                                  quote(keyword) + "; export it without others");
     if (std::ranges::all_of(*line, is_blank))
       line = lines.next();  // the counts follow on their own line
   } else {
@@ -141,7 +141,8 @@ Result<OffCounts> parse_off_header(OffLines& lines) {
   if (!line) return corrupt(lines.place() + ": expected counts, found the end of the file");
   const std::string_view vertices_word = take_word(*line), faces_word = take_word(*line);
   if (equal_ignoring_case(vertices_word, "binary"))
-    return Status(StatusCode::kUnsupported, "OFF: binary");
+    return Status(StatusCode::kUnsupported,
+                  "OFF: expected text, found a binary file; export it as text");
   const auto vertices = parse_integer(vertices_word), faces = parse_integer(faces_word);
   if (!vertices || !faces || *vertices < 0 || *faces < 0)
     return corrupt(lines.place() + ": expected counts of vertices and faces, found " +
@@ -269,7 +270,8 @@ Result<IndexedMesh> read_off(std::string_view bytes) {
 
 Result<IndexedMesh> read_obj(std::string_view bytes, std::vector<ObjObject>* objects) {
   if (bytes.starts_with("\xfe\xff") || bytes.starts_with("\xff\xfe"))
-    return Status(StatusCode::kUnsupported, "OBJ: expected ASCII or UTF-8, found UTF-16");
+    return Status(StatusCode::kUnsupported,
+                  "OBJ: expected ASCII or UTF-8, found UTF-16; save it as UTF-8");
   if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);
   IndexedMesh mesh;
   std::vector<std::uint32_t> corners;
@@ -330,7 +332,7 @@ std::optional<PlainFormat> find_plain_format(const std::string& path, std::strin
 
 Result<IndexedMesh> read_plain(PlainFormat format, std::string_view bytes) {
   if (bytes.starts_with("PK\x03\x04"))
-    return corrupt("expected a mesh as its name says, found a zip archive");
+    return corrupt("expected a mesh as its name says, found a zip archive; unpack it before");
   switch (format) {
     case PlainFormat::kPly:
       return read_ply(bytes);

@@ -27,6 +27,8 @@ void add_generate(CLI::App& app, Action& chosen) {
       "--floor-m", options->floor_m,
       "terrain: close it by walls and a floor at this height, so that what is below "
       "the ground is inside; metres");
+  end_help(*command, {"nearmesh-model generate terrain -o terrain.ply",
+                      "nearmesh-model generate aircraft --size 8000 -o aircraft.ply"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -89,21 +91,24 @@ void add_build(CLI::App& app, Action& chosen) {
                  "A model for each node, named by it, in the node's frame, and scene.yaml, which "
                  "places them")
       ->excludes(node);
-  command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
+  command
+      ->add_option("--grid-bits", options->grid_bits,
+                   "Bits per axis of the integer grid to which vertices are rounded")
       ->capture_default_str()
       ->check(CLI::Range(kMinGridBits, kMaxGridBits));
-  CLI::Option* cell =
-      command
-          ->add_option(
-              "--cell", options->cell_m,
-              "Models that border on each other: give all of them one cell, in metres (the "
-              "greatest power of two up to this), so that vertices that they share stay equal "
-              "in every pose")
-          ->check(CLI::PositiveNumber);
+  CLI::Option* cell = command
+                          ->add_option("--cell", options->cell_m,
+                                       "Grid cell in metres: the greatest power of two up to this. "
+                                       "Give models that border on "
+                                       "each other one cell, and vertices that they share stay "
+                                       "equal in every pose (default: "
+                                       "the smallest that --grid-bits allow)")
+                          ->check(CLI::PositiveNumber);
   command
-      ->add_option(
-          "--lattice-origin", options->lattice_origin_m,
-          "With --cell: X,Y,Z in metres, one point for all models, near them (default: 0,0,0)")
+      ->add_option("--lattice-origin", options->lattice_origin_m,
+                   "With --cell: origin of the grid, X,Y,Z in metres, near the models and one for "
+                   "all of them "
+                   "(default: 0,0,0)")
       ->delimiter(',')
       ->needs(cell);
   command->add_option("--base-faces", options->base_faces, "Stop simplifying at this many faces")
@@ -115,6 +120,9 @@ void add_build(CLI::App& app, Action& chosen) {
           "Threads to use (default: one for each core); the file is the same for any number")
       ->check(CLI::Range(1U, 256U));
   command->add_flag("--json", options->json, "Print the report as one JSON object");
+  end_help(*command, {"nearmesh-model build hull.stl --unit mm -o hull.spm",
+                      "nearmesh-model build plant.dae --per-node -o plant",
+                      "nearmesh-model build N00E010.hgt --crs enu:0.5,10.5 -o tile.spm"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -131,23 +139,22 @@ void add_build_world(CLI::App& app, Action& chosen) {
       ->required();
   command->add_option("-o,--output", build.out, "Folder of the world; what it has stays")
       ->required();
-  command->add_option("--faces", options->tile_faces, "Of a tile, about")
+  command->add_option("--faces", options->tile_faces, "Faces of a tile, about")
       ->capture_default_str()
       ->check(CLI::Range(2U, 100'000'000U));
   command
       ->add_option(
           "--cell", build.cell_m,
-          "Of all tiles, in metres: the greatest power of two up to this (default: the "
+          "Grid cell of all tiles, in metres: the greatest power of two up to this (default: the "
           "world's that is there, or the smallest that the largest tile allows, for which all "
           "inputs are read once)")
       ->check(CLI::PositiveNumber);
-  CLI::Option* origin =
-      command
-          ->add_option(
-              "--lattice-origin", build.lattice_origin_m,
-              "X,Y,Z in metres, near the tiles (default: the world's that is there, or the "
-              "middle of all inputs)")
-          ->delimiter(',');
+  CLI::Option* origin = command
+                            ->add_option("--lattice-origin", build.lattice_origin_m,
+                                         "Origin of that grid: X,Y,Z in metres, near the tiles "
+                                         "(default: the world's that is there, or the "
+                                         "middle of all inputs)")
+                            ->delimiter(',');
   add_import_flags(command, build);
   command->add_option("--grid-bits", build.grid_bits, "Bits per axis of each tile's grid")
       ->capture_default_str()
@@ -170,6 +177,10 @@ void add_build_world(CLI::App& app, Action& chosen) {
           ".ninja, else one command a line, of which the last comes after all others")
       ->excludes(only);
   command->add_flag("--json", build.json, "Print the report as one JSON object");
+  end_help(*command,
+           {"nearmesh-model build-world N00E010.hgt N00E011.hgt --crs enu:0.5,11 -o WORLD",
+            "nearmesh-model build-world N00E010.hgt --crs ecef -o WORLD --plan world.ninja && "
+            "ninja -f world.ninja"});
   command->callback([options, origin, &chosen] {
     options->has_lattice_origin = origin->count() > 0;
     chosen = [options] { return run(*options); };
@@ -181,6 +192,7 @@ void add_formats(CLI::App& app, Action& chosen) {
       "formats", "List the mesh formats that build reads, and their conventions.");
   const auto options = std::make_shared<FormatsOptions>();
   command->add_flag("--json", options->json, "Print one JSON array");
+  end_help(*command, {"nearmesh-model formats"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -192,6 +204,8 @@ void add_info(CLI::App& app, Action& chosen) {
   command->add_flag("--deep", options->deep,
                     "Also check that boxes enclose all faces, as serve does the first time");
   command->add_flag("--json", options->json, "Print one JSON object");
+  end_help(*command,
+           {"nearmesh-model info terrain.spm", "nearmesh-model info terrain.spm --deep --json"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -203,6 +217,8 @@ void add_export(CLI::App& app, Action& chosen) {
   command->add_option("--splits", options->splits,
                       "After the first N splits, largest parts first (default: the full mesh, in "
                       "input face order)");
+  end_help(*command, {"nearmesh-model export terrain.spm -o full.ply",
+                      "nearmesh-model export terrain.spm --splits 5000 -o coarse.ply"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -258,6 +274,9 @@ void add_query(CLI::App& app, Action& chosen) {
   command->add_flag("--list-pairs", options->list_pairs,
                     "Add the touching faces as pairs of input face numbers, sorted");
   command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");
+  end_help(*command, {"nearmesh-model query terrain.spm aircraft.spm --poses poses.csv",
+                      "nearmesh-model query tank.spm buoy.spm --poses poses.csv --solid-a --method "
+                      "full --list-pairs"});
   command->callback([options, max_pairs, &chosen] {
     options->limited = max_pairs->count() > 0;
     chosen = [options] { return run(*options); };
@@ -277,6 +296,7 @@ void add_probe(CLI::App& app, Action& chosen) {
           "CSV with a header, metres in the model's frame: x, y, z; dx, dy, dz, where rays "
           "do not go straight down; range, where they end; other columns are ignored")
       ->required();
+  end_help(*command, {"nearmesh-model probe terrain.spm --rays rays.csv"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -293,6 +313,8 @@ void add_check(CLI::App& app, Action& chosen) {
       ->required();
   command->add_option("--answers", options->answers,
                       "Files written by nearmesh-subscriber run --answers (or its --json output)");
+  end_help(*command, {"nearmesh-model check terrain.spm aircraft.spm --answers answers.jsonl",
+                      "nearmesh-model check WORLD"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

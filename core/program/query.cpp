@@ -31,8 +31,7 @@ Result<std::vector<PoseRow>> read_poses(const std::string& path) {
   const Result<std::vector<std::size_t>> columns = table.value().columns(names);
   NEARMESH_RETURN_IF_ERROR(columns);
   const std::size_t id = table.value().column("id");
-  if (id == CsvTable::npos)
-    return Status{StatusCode::kInvalidArgument, path + ": no column named id"};
+  if (id == CsvTable::npos) return table.value().missing_column("id");
   std::vector<PoseRow> rows;
   for (std::size_t r = 0; r < table.value().row_count(); ++r) {
     PoseRow row{.id = table.value().text(r, id), .place = table.value().place(r)};

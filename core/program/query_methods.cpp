@@ -208,13 +208,15 @@ Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name, 
   if (options.query.solid_a || options.query.solid_b) {
     // Seeds are vertices of the full mesh, which a coarser one need not have.
     if (name != "full" && name != "certified")
-      return Status{StatusCode::kInvalidArgument,
-                    "method " + name + " knows no inside; full and certified do"};
+      return Status{
+          StatusCode::kInvalidArgument,
+          "--solid-a, --solid-b: method " + name + " knows no inside; expected full or certified"};
     if (options.query.solid_a) NEARMESH_RETURN_IF_ERROR(check_solid(a.header().surface, "A"));
     if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header().surface, "B"));
   }
   if (name == "grid" && options.query.max_tests != kAllTests)
-    return Status{StatusCode::kInvalidArgument, "method grid has no bound of tests"};
+    return Status{StatusCode::kInvalidArgument,
+                  "--max-tests: method grid has no bound of tests; expected another method"};
   if (name == "full") {
     method = std::make_unique<FixedMeshes>(a, b, options, FixedMeshes::kAllSplits);
   } else if (name == "base") {

@@ -384,7 +384,11 @@ Result<ImportedMesh> TileSource::read(const TileJob& job) {
     if (job.window) {
       Result<std::optional<TerrainFile>> grid = TerrainFile::open(path, import.value());
       NEARMESH_RETURN_IF_ERROR(grid);
-      if (!grid.value()) return Status(StatusCode::kConflict, path + ": is no grid any more");
+      if (!grid.value())
+        return Status(StatusCode::kConflict,
+                      path +
+                          ": expected the grid of heights that was there when its tiles were "
+                          "planned, found another file: run the command again");
       grid_ = std::move(grid).value();
     } else {
       Result<ImportedMesh> mesh = import_mesh(path, import.value());
@@ -401,8 +405,10 @@ Result<ImportedMesh> TileSource::read(const TileJob& job) {
     return window;
   }
   if (job.part >= parts_.size())
-    return Status(StatusCode::kConflict, path + ": has no part " + std::to_string(job.part) +
-                                             " any more, of " + std::to_string(parts_.size()));
+    return Status(StatusCode::kConflict,
+                  path + ": expected the mesh that was there when its tiles were planned, found " +
+                      std::to_string(parts_.size()) + " parts and none with the number " +
+                      std::to_string(job.part) + ": run the command again");
   // Only the part's own vertices, in the mesh's order.
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   ImportedMesh out{.origin = mesh_.origin,

@@ -490,8 +490,9 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
                                double start_error_m) {
   NEARMESH_ASSERT(options.time_levels >= 0 && options.time_levels <= kMaxTimeLevels);
   if (!(options.duration_s >= kMinSweep_s && options.duration_s <= kMaxSweep_s))
-    return Status{StatusCode::kInvalidArgument,
-                  "a sweep's duration must lie between 1e-9 and 1e9 seconds"};
+    return Status{StatusCode::kInvalidArgument, "duration_s of a sweep is " +
+                                                    std::to_string(options.duration_s) +
+                                                    ", expected 1e-9 to 1e9"};
   NEARMESH_RETURN_IF_ERROR(check_way(motion_a, name_a, options.duration_s));
   NEARMESH_RETURN_IF_ERROR(check_way(motion_b, name_b, options.duration_s));
 

@@ -170,7 +170,9 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
   const int file = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
   if (file < 0) {
     if (errno == EEXIST)
-      return Status{StatusCode::kConflict, path + ": exists; a recording never overwrites a file"};
+      return Status{
+          StatusCode::kConflict,
+          path + ": exists, and a recording never overwrites a file: name another, or remove it"};
     return Status{StatusCode::kIo, path + ": cannot create: " + std::strerror(errno)};
   }
   ::close(file);

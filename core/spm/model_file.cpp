@@ -121,7 +121,9 @@ Status ModelFile::Impl::read(std::uint64_t offset, void* bytes, std::uint64_t co
 
 Status ModelFile::Impl::read_preamble() {
   NEARMESH_RETURN_IF_ERROR(read(0, &preamble, sizeof preamble));
-  if (preamble.magic != file_layout::kMagic) return corrupt("not an .spm file (magic bytes)");
+  if (preamble.magic != file_layout::kMagic)
+    return corrupt(
+        "expected an .spm file, found other first bytes; nearmesh-model build makes one of a mesh");
   if (preamble.version != file_layout::kVersion)
     return {StatusCode::kUnsupported, path + ": .spm version " + std::to_string(preamble.version) +
                                           ", this build reads version " +
@@ -131,7 +133,7 @@ Status ModelFile::Impl::read_preamble() {
     return corrupt("checksum of the preamble does not match");
   if (preamble.file_bytes != size)
     return corrupt("expected " + std::to_string(preamble.file_bytes) + " bytes, found " +
-                   std::to_string(size) + " (truncated or appended to)");
+                   std::to_string(size) + " (cut, or written on): copy it again, or build it anew");
   const std::uint64_t directory_bytes =
       std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry);
   if (preamble.header_bytes > kMaxHeaderBytes ||

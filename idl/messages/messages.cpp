@@ -62,18 +62,15 @@ Status check_distance(double value, const char* field) {
 }  // namespace
 
 Status check_name(std::string_view name, const char* field) {
-  if (name.empty() || name.size() > kMaxNameBytes)
-    return invalid(std::string(field) + ": expected 1 to " + std::to_string(kMaxNameBytes) +
-                   " bytes, found " + std::to_string(name.size()));
-  if (!std::all_of(name.begin(), name.end(), is_printable) || name.front() == ' ' ||
-      name.back() == ' ')
-    return invalid(std::string(field) + ": expected printable ASCII without blanks at the ends");
-  return Status::ok();
+  const Status status = check_process_name(name);
+  return status.is_ok() ? status : invalid(std::string(field) + ": " + status.message());
 }
 
 Status check_new_model(const std::string& name, std::size_t served) {
   NEARMESH_RETURN_IF_ERROR(check_name(name, "model name"));
-  if (served >= kMaxModels) return invalid("at most " + std::to_string(kMaxModels) + " models");
+  if (served >= kMaxModels)
+    return invalid("model " + name + ": expected at most " + std::to_string(kMaxModels) +
+                   " models of one publisher, found one more: serve it by another");
   return Status::ok();
 }
 

@@ -51,7 +51,7 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
       "transport",
       [&transport](const std::string& name) { transport.transport = *wire::transport_of(name); },
       [&transport] { return std::string(wire::to_string(transport.transport)); },
-      "How bytes travel, and what follows from it (see the presets)", transport_names(),
+      "How bytes travel, and which settings go with that: docs/operate.md, Transports", transport_names(),
       [](const std::string& name) {
         if (wire::transport_of(name)) return Status::ok();
         return Status{StatusCode::kInvalidArgument,
@@ -64,15 +64,15 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
                "Join with this program's identity, and hear nobody without one",
                "folder, made by nearmesh-publisher make-security; empty: none");
   settings.add("peer", transport.initial_peers,
-               "Address to look for others at, where multicast does not get through",
+               "Addresses to look for others at, where multicast does not get through",
                "IPv4 addresses; with tcp also ADDRESS:PORT");
   settings.add("discovery_server", transport.discovery_server,
-               "Fast DDS discovery server through which alone others are found",
+               "Find others through this Fast DDS discovery server alone",
                "ADDRESS or ADDRESS:PORT; empty: none");
   settings.add("listen_port", transport.listen_port, 0, 65535,
-               "Port at which tcp is listened for; 0: none");
+               "With tcp: the port to listen at; 0: do not listen");
   settings.add("participants_per_peer", transport.participants_per_peer, 1, 120,
-               "Processes that are looked for at each such address");
+               "Processes that are looked for at each address of peer");
   settings.add("lease_s", transport.lease_s, 0.2, 3600,
                "A process silent for so long is forgotten, and joins anew");
   settings.add("silence_s", transport.silence_s, 0.2, 3600,
@@ -81,7 +81,7 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
   settings.add("announcement_s", transport.announcement_s, 0.05, 1800,
                "Period of life signs, at most half of lease_s");
   settings.add("identity_period_s", transport.identity_period_s, 0.25, 60,
-               "How often it is looked whose certificate has expired or is revoked");
+               "How often all certificates are looked at: expired, or revoked?");
   settings.add("heartbeat_s", transport.heartbeat_s, 0.005, 60,
                "How soon a lost datagram is noticed");
 }
@@ -100,7 +100,7 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
   for (const Settings::Shown& setting : settings->show()) {
     const std::string name = setting.key == positional ? setting.key : flag_of(setting.key);
     const std::string built_in =
-        setting.built_in.empty() || setting.built_in == "" ? "" : "; " + setting.built_in.dump();
+        setting.built_in.empty() || setting.built_in == "" ? "" : "; default " + setting.built_in.dump();
     const std::string help = setting.help + " (" + setting.values + built_in + ")";
     if (!setting.is_list) {
       command
@@ -123,7 +123,7 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
         ->type_name(name == setting.key ? "FILE" : "VALUE")
         ->allow_extra_args(name == setting.key);
   }
-  command.add_option("--config", given->config, "YAML file of settings (else NEARMESH_CONFIG)");
+  command.add_option("--config", given->config, "YAML file of settings (default: the one that NEARMESH_CONFIG names)");
   command.add_flag("--print-config", given->print,
                    "Print each setting and where it came from, and end");
   CLI::Option* json = command.get_option_no_throw("--json");

@@ -146,12 +146,17 @@ Settings::Setting* Settings::find(std::string_view key) {
   return at == settings_.end() ? nullptr : &*at;
 }
 
+std::string nearest(std::string_view word, const std::set<std::string>& known) {
+  const auto at = std::min_element(known.begin(), known.end(), [&](const auto& a, const auto& b) {
+    return distance(a, word) < distance(b, word);
+  });
+  return at == known.end() ? "" : *at;
+}
+
 std::string Settings::nearest(std::string_view key) const {
-  const auto at =
-      std::min_element(settings_.begin(), settings_.end(), [&](const Setting& a, const Setting& b) {
-        return distance(a.key, key) < distance(b.key, key);
-      });
-  return at == settings_.end() ? "" : at->key;
+  std::set<std::string> known;
+  for (const Setting& setting : settings_) known.insert(setting.key);
+  return program::nearest(key, known);
 }
 
 Status Settings::set(Setting& setting, const std::vector<std::string>& values, Source source,

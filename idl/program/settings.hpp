@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -94,6 +95,9 @@ class Settings {
 
   std::vector<Setting> settings_;
 };
+
+/// Of the words that are known the one that a mistyped one comes next to, for error messages; "" where there is none.
+[[nodiscard]] std::string nearest(std::string_view word, const std::set<std::string>& known);
 
 /// lease_s to --lease-s, and to NEARMESH_LEASE_S.
 [[nodiscard]] std::string flag_of(std::string_view key);

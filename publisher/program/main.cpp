@@ -21,11 +21,11 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("models", options.models,
                "What is served; a model's name is its file's or folder's name",
                ".spm files, and folders of worlds");
-  settings.add(
-      "replaces", options.replaces,
-      "Contents whose place a model takes: peers that hold one go over to it, at once or all in "
-      "the frame of that time on the exercise's clock; epochs count up from 1",
-      "MODEL=CONTENT[@EPOCH:TIME]");
+  settings.add("replaces", options.replaces,
+               "Contents whose place a model takes: peers that hold one go over to it, at once, or "
+               "all in the "
+               "frame of that time on the exercise's clock; epochs count up from 1",
+               "MODEL=CONTENT[@EPOCH:TIME]");
   wire::program::add_transport_settings(settings, options.channel.transport);
   settings.add("max_peers", options.channel.max_peers, 1, 100'000,
                "Peers beyond this many are refused");
@@ -50,6 +50,10 @@ void add_serve_command(CLI::App& app, Action& chosen) {
                             wire::to_string(transport));
       },
       "models");
+  end_help(*command, {"nearmesh-publisher serve terrain.spm aircraft.spm --interface eth0",
+                      "nearmesh-publisher serve WORLD --config /etc/nearmesh/publisher.yaml",
+                      "nearmesh-publisher serve new/terrain.spm --replaces "
+                      "terrain=8f1c42d0a97be35561d09f7c2e04ab83"});
   command->callback([options, &chosen] {
     if (options->models.empty()) throw CLI::RequiredError("models");
     chosen = [options] { return run(*options); };
@@ -69,7 +73,8 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command
       ->add_option("recording", options->path, "Recording (.db3, the first of its files, or .mcap)")
       ->required();
-  command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
+  command
+      ->add_option("--rate", options->playhead.rate, "Recorded seconds that are played in a second")
       ->capture_default_str()
       ->check([](const std::string& text) {
         char* end = nullptr;
@@ -77,11 +82,12 @@ void add_replay_command(CLI::App& app, Action& chosen) {
         const bool good = *end == '\0' && std::isfinite(rate) && rate > 0;
         return good ? std::string() : "expected a number above 0, found " + text;
       });
-  command->add_option("--start", options->playhead.start_s, "Begin here, seconds into the session")
+  command
+      ->add_option("--start", options->playhead.start_s, "Begin here, seconds into the recording")
       ->capture_default_str();
   command
       ->add_option("--end", options->playhead.end_s,
-                   "End here, seconds into the session [after the last sample]")
+                   "End here, seconds into the recording (default: after the last sample)")
       ->check(CLI::NonNegativeNumber);
   command->add_flag("--loop", options->loop, "Begin again at the end, until Ctrl-C");
   command
@@ -100,6 +106,9 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->transport);
   wire::program::add_bus_flags(*command, settings, options->transport, {});
+  end_help(*command,
+           {"nearmesh-publisher replay flight.db3 --rate 2 --start 10",
+            "nearmesh-publisher replay flight.db3 --models models --remap nearmesh:=again"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -121,6 +130,7 @@ void add_discovery_command(CLI::App& app, Action& chosen) {
                        std::to_string(wire::kDefaultServerPort) + ")")
       ->required();
   add_domain_option(*command, options->transport.domain);
+  end_help(*command, {"nearmesh-publisher discovery --listen 192.0.2.7 --domain 7"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -142,11 +152,14 @@ void add_security_commands(CLI::App& app, Action& chosen) {
   make_command->add_option("--subscriber", making->subscribers,
                            "Names of identities that ask and move bodies");
   make_command->add_option("--recorder", making->recorders, "Names of identities that only listen");
-  make_command->add_option("--days", making->plan.valid_days, "How long all of it is valid")
+  make_command->add_option("--days", making->plan.valid_days, "How many days all of it is valid")
       ->capture_default_str();
   make_command->add_flag("--force", making->plan.force, "Make identities anew that exist");
   make_command->add_option("--revoke", making->revoked,
-                           "Take back what was made in these names, and make nothing");
+                           "Revoke all certificates that were made in these names, and make none");
+  end_help(*make_command, {"nearmesh-publisher make-security keys --domain 7 --publisher server1 "
+                           "--subscriber alice bob",
+                           "nearmesh-publisher make-security keys --domain 7 --revoke alice"});
   make_command->callback([&chosen, making] { chosen = [making] { return run(*making); }; });
 
   auto checking = std::make_shared<CheckSecurityOptions>();
@@ -155,6 +168,7 @@ void add_security_commands(CLI::App& app, Action& chosen) {
   check_command->add_option("folder", checking->folder, "An identity's folder, or the set's")
       ->required();
   add_bus_options(*check_command, checking->domain, checking->prefix);
+  end_help(*check_command, {"nearmesh-publisher check-security keys/server1 --domain 7"});
   check_command->callback([&chosen, checking] { chosen = [checking] { return run(*checking); }; });
 }
 
@@ -175,5 +189,6 @@ int main(int argc, char** argv) {
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
   return nearmesh::run_program(
-      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions(),
+      " 5: this program's identity was revoked or has expired.");
 }

@@ -106,7 +106,7 @@ class Progress {
   void show_reading(double share, double clock_s) {
     if (!terminal_ || clock_s - shown_s_ < 0.1) return;
     shown_s_ = clock_s;
-    std::fprintf(stderr, "\rreading the session: %.0f %%\x1b[K", 100 * share);
+    std::fprintf(stderr, "\rreading the recording: %.0f %%\x1b[K", 100 * share);
   }
   void clear() {
     if (terminal_) std::fprintf(stderr, "\r\x1b[K");

@@ -29,7 +29,7 @@ Result<Playhead> Playhead::create(RecordingReader& recording, const PlayheadOpti
   const bool to_last = options.end_s < 0;
   const auto outside = [&](const char* what, double time_s) {
     return Status{StatusCode::kInvalidArgument,
-                  std::string(what) + ": expected a time in the session's 0 to " +
+                  std::string(what) + ": expected a time in the recording's 0 to " +
                       in_seconds(length_s) + " s, found " + in_seconds(time_s)};
   };
   if (!(options.start_s >= 0 && options.start_s <= length_s))

@@ -71,7 +71,9 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     const Body* body = impl.find(own.body);
     if (body == nullptr) return no_such(own.body);
     if (!body->own)
-      return Status{StatusCode::kNotFound, body->name + " is not a body that this peer moves"};
+      return Status{StatusCode::kNotFound, "motion of body " + body->name +
+                                               ": expected a body that this peer moves "
+                                               "(BodyOptions::own), found one that others move"};
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
     if (impl.has_promised) NEARMESH_RETURN_IF_ERROR(impl.check_promised(*body, own.motion, time_s));
   }

@@ -60,7 +60,9 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
   NEARMESH_RETURN_IF_ERROR(check_pin(body_options.name, body_options.model, body_options.content));
   const Change change(*this);
   if (!named.emplace(body_options.name, id).second)
-    return Status{StatusCode::kConflict, "body " + body_options.name + " is declared twice"};
+    return Status{
+        StatusCode::kConflict,
+        "body " + body_options.name + " is declared twice, expected a name that no other body has"};
   PeerModel& model = replicas.add(body_options.model);
   if (body_options.content.is_set()) model.pinned = body_options.content;
   const auto added =

@@ -13,7 +13,8 @@ Result<Session::HeldMesh> Session::held_mesh(BodyId body) const {
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   if (!asked->model->is_ready())
-    return Status{StatusCode::kNotFound, "no header of " + asked->model->name + " has come"};
+    return Status{StatusCode::kNotFound, "body " + asked->name + ": the header of its model " +
+                                             asked->model->name + " has not come yet"};
   HeldMesh held;
   add_triangles(*asked->model->replica, held.exact_m, held.coarse_m);
   return held;

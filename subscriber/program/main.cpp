@@ -82,6 +82,8 @@ void add_run_command(CLI::App& app, Action& chosen) {
   wire::program::add_metrics_setting(*settings, options->metrics);
   wire::program::add_bus_flags(*command, settings, options->channel.transport,
                                {kRooms.begin(), kRooms.end()});
+  end_help(*command, {"nearmesh-subscriber run scene.yaml --answers answers.jsonl",
+                      "nearmesh-subscriber run scene.yaml --wait-recorder=30 --interface eth0"});
   command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
     if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
@@ -102,17 +104,23 @@ void add_record_command(CLI::App& app, Action& chosen) {
       ->add_option("--max-size", options->max_bytes,
                    "End at this size of the file, in bytes or as 100MB")
       ->transform(CLI::AsSizeValue(true));
-  command->add_flag("--split", options->split,
-                    "At --max-size go on in another file: for flight.db3 flight_1.db3 and so on");
+  command->add_flag(
+      "--split", options->split,
+      "At --max-size go on in the next file: after flight.db3 in flight_1.db3, and so on");
   add_transport_options(*command, options->transport);
+  end_help(*command, {"nearmesh-subscriber record -o flight.db3",
+                      "nearmesh-subscriber record -o flight.db3 --max-size 1GB --split"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 void add_info_command(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("info", "What is in a recording.");
+  CLI::App* command = app.add_subcommand(
+      "info",
+      "Tell what is in a recording: who took part, models, samples by topic, answers by status.");
   const auto options = std::make_shared<InfoOptions>();
   command->add_option("recording", options->path, kRecording)->required();
-  command->add_flag("--json", options->json, "As JSON");
+  command->add_flag("--json", options->json, "Print one JSON object");
+  end_help(*command, {"nearmesh-subscriber info flight.db3"});
   command->callback(
       [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
@@ -120,17 +128,11 @@ void add_info_command(CLI::App& app, Action& chosen) {
 void add_verify_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "verify", "Compute each answer of a recording again, offline, and compare.");
-  command->footer(
-      "Exit codes. 0: every answer was proved. 1: answers are different, a report of what is free "
-      "by "
-      "bounds is wrong, a promise was broken, or the recording cannot be read. 2: wrong usage. 3: "
-      "none "
-      "is different, but some could not be proved. 4: none is different, but reports are malformed "
-      "or "
-      "missing, or there is none at all.");
   const auto options = std::make_shared<VerifyOptions>();
   command->add_option("recording", options->path, kRecording)->required();
-  command->add_option("--threads", options->threads, "Peers are spread over so many")
+  command
+      ->add_option("--threads", options->threads,
+                   "Threads, over which the recorded peers are spread")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
   command->add_option("--models", options->models,
@@ -140,7 +142,12 @@ void add_verify_command(CLI::App& app, Action& chosen) {
       "--allow-unproved", options->allow_unproved,
       "End with 0 also where answers could not be proved or reports are missing, if none "
       "is different");
-  command->add_flag("--json", options->json, "As JSON");
+  command->add_flag("--json", options->json, "Print one JSON object");
+  end_help(*command, {"nearmesh-subscriber verify flight.db3 --models models"},
+           "Exit codes. 0: every answer was proved. 1: answers are different, a report of what is "
+           "free by bounds is wrong, a promise was broken, or the recording cannot be read. 2: "
+           "wrong usage. 3: none is different, but some could not be proved. 4: none is different, "
+           "but reports are malformed or missing, or there is none at all.");
   command->callback(
       [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
@@ -150,31 +157,26 @@ void add_export_command(CLI::App& app, Action& chosen) {
       "export",
       "Write a recording for programs of others: .mcap for viewers of robotics, .glb as "
       "an animation; or a moment of it as a mesh file, .ply or .glb.");
-  command->footer(
-      "An .mcap file holds the whole recording, so info, verify and replay read it; and what ROS "
-      "2's tools draw: /tf, contacts, meshes, clearances. Colours of vertices in the others. Blue: "
-      "exact (grey: of the other body). Yellow to red: eps, a bound of the distance to the full "
-      "mesh, from 1/8192 to 1/8 of the model's size. Magenta: contact. How to open them in "
-      "Foxglove, MeshLab, ParaView and Blender: docs/sessions.md.");
   const auto options = std::make_shared<ExportOptions>();
   command->add_option("recording", options->session, kRecording)->required();
   command
-      ->add_option(
-          "--time", options->time_s,
-          "This moment, seconds after the first message: the last answer until then, one "
-          "in contact first where there was one within a second (default: the whole recording)")
+      ->add_option("--time", options->time_s,
+                   "Only the moment of an answer: the last one until so many seconds after the "
+                   "first message, "
+                   "or one in contact where there was one in the second before (default: the whole "
+                   "recording)")
       ->check(CLI::NonNegativeNumber);
   command->add_option(
       "--peer", options->peer,
-      "Whose: the id as info lists it, or how it begins (default: of one in contact)");
+      "The peer to look at: its id as info lists it, or how that begins (default: one in contact)");
   command->add_option("--body", options->body,
-                      "Of a moment: which body to look at (default: the first of the answer)");
-  command->add_option("--other", options->other,
-                      "Of a moment: against which (default: that of the answer)");
+                      "With --time: the body to look at (default: the first of the answer)");
+  command->add_option(
+      "--other", options->other,
+      "With --time: the body that it is looked at against (default: the other of the answer)");
   command->add_option(
       "--models", options->models,
-      "Of a whole recording: folder with .spm files, for peers of which the recording "
-      "lacks batches");
+      "Without --time: folder with .spm files, for peers of which the recording lacks batches");
   command->add_option("-o,--output", options->out, "File to write, .mcap, .glb or .ply")
       ->required()
       ->check([](const std::string& path) {
@@ -182,6 +184,14 @@ void add_export_command(CLI::App& app, Action& chosen) {
                    ? std::string()
                    : path + ": expected a name that ends with .mcap, .glb or .ply";
       });
+  end_help(*command,
+           {"nearmesh-subscriber export flight.db3 -o flight.mcap",
+            "nearmesh-subscriber export flight.db3 --time 12.5 --body hull -o hull.glb"},
+           "An .mcap file holds the whole recording, so info, verify and replay read it; and what "
+           "ROS 2's tools draw: /tf, contacts, meshes, clearances. Colours of vertices in .glb and "
+           ".ply: blue: exact (grey: of the other body); yellow to red: eps, a bound of the "
+           "distance to the full mesh, from 1/8192 to 1/8 of the model's size; magenta: contact. "
+           "How to open them in Foxglove, MeshLab, ParaView and Blender: docs/sessions.md.");
   command->callback([options, &chosen] {
     if (options->out.ends_with(".ply") && !options->time_s)
       throw CLI::RequiredError("a .ply file holds one moment: --time");
@@ -196,6 +206,7 @@ void add_report_command(CLI::App& app, Action& chosen) {
   command->add_option("recording", options->session, kRecording)->required();
   command->add_option("-o,--output", options->folder, "Folder for index.html; made if need be")
       ->required();
+  end_help(*command, {"nearmesh-subscriber report flight.db3 -o report"});
   command->callback(
       [options, &chosen] { chosen = [options] { return run_to_its_end(*options); }; });
 }
@@ -218,8 +229,10 @@ void add_watch_command(CLI::App& app, Action& chosen) {
           "disk, in bytes or as 100MB; in memory it takes about as much")
       ->transform(CLI::AsSizeValue(true))
       ->capture_default_str();
-  add_ros2_options(*command, options->ros2, "The frame that what is shown is in");
+  add_ros2_options(*command, options->ros2, "The frame in which all is shown");
   add_transport_options(*command, options->transport);
+  end_help(*command, {"nearmesh-subscriber watch --http 8642",
+                      "nearmesh-subscriber watch --http 192.0.2.7:8642 --models models"});
   command->callback([options, &chosen] {
     if (options->http.empty() && !options->ros2.is_wanted)
       throw CLI::RequiredError("--http or --ros2");
@@ -234,12 +247,14 @@ void add_status_command(CLI::App& app, Action& chosen) {
   command->add_option("--seconds", options->seconds, "How long to listen")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));
-  command->add_flag("--watch", options->watch, "Go on until Ctrl-C, each --seconds anew");
+  command->add_flag("--watch", options->watch, "Go on until Ctrl-C, and print each --seconds");
   command->add_flag("--regions", options->regions,
                     "Also hear what each peer answers and asks: where its bodies meet, how far off "
                     "each answer may be and since when, what it lacks");
-  command->add_flag("--json", options->json, "Print one JSON line each time");
+  command->add_flag("--json", options->json, "Print one JSON object a line instead of text");
   add_transport_options(*command, options->transport);
+  end_help(*command, {"nearmesh-subscriber status",
+                      "nearmesh-subscriber status --watch --regions --interface eth0"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -254,6 +269,7 @@ void add_doctor_command(CLI::App& app, Action& chosen) {
       ->check(CLI::Range(2.0, 600.0));
   command->add_flag("--json", options->json, "Print one JSON object");
   add_transport_options(*command, options->transport);
+  end_help(*command, {"nearmesh-subscriber doctor --interface eth0"});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -265,7 +281,9 @@ int main(int argc, char** argv) {
   nearmesh::wire::program::
       stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{
-      "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
+      "A nearmesh peer: answers, frame by frame, whether bodies touch. Also records, proves and "
+      "shows "
+      "what is on the bus.",
       "nearmesh-subscriber"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
@@ -280,5 +298,6 @@ int main(int argc, char** argv) {
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
   return nearmesh::run_program(
-      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions(),
+      " 5: this program's identity was revoked or has expired. `verify` has more of its own.");
 }

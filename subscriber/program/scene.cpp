@@ -9,6 +9,7 @@
 #include <set>
 
 #include "core/base/csv.hpp"
+#include "idl/program/settings.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 
@@ -34,7 +35,9 @@ void check_keys(const YAML::Node& map, const std::string& where,
   std::set<std::string> seen;
   for (const auto& entry : map) {
     const auto key = entry.first.as<std::string>();
-    if (!known.contains(key)) fail(entry.first, where + ": unknown key " + key);
+    if (!known.contains(key))
+      fail(entry.first, where + ": unknown key " + key + "; the nearest is " +
+                            wire::program::nearest(key, known));
     // Of two one would count, and nobody would know which.
     if (!seen.insert(key).second) fail(entry.first, where + ": " + key + " stands twice");
   }
@@ -74,7 +77,7 @@ void count_in(const YAML::Node& map, const std::string& key, std::uint64_t most,
 
 std::string name_of(const YAML::Node& map, const std::string& key, const std::string& where) {
   const YAML::Node node = map[key];
-  if (!node) fail(map, where + ": no " + key);
+  if (!node) fail(map, where + ": expected the key " + key + ", found none");
   return value<std::string>(node, key, "a name");
 }
 
@@ -192,7 +195,11 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
                        const std::string& key) {
   const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                [&](const BodyOfScene& b) { return b.name == name; });
-  if (at == scene.bodies.end()) fail(node, key + ": no body named " + name);
+  if (at == scene.bodies.end()) {
+    std::string names;
+    for (const BodyOfScene& body : scene.bodies) names += (names.empty() ? "" : ", ") + body.name;
+    fail(node, key + ": no body named " + name + " among the bodies: " + names);
+  }
   return static_cast<std::size_t>(at - scene.bodies.begin());
 }
 
@@ -257,7 +264,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       const std::string name = name_of(node, "body", "move");
       BodyOfScene& body = scene.bodies[body_named(scene, name, node["body"], "moves")];
       if (!body.trajectory.empty()) fail(node["body"], "moves: body " + name + " is moved twice");
-      if (body.fixed_pose) fail(node["body"], "moves: body " + name + " has a fixed pose");
+      if (body.fixed_pose)
+        fail(node["body"], "moves: body " + name + " has a fixed pose, expected one or the other");
       const std::filesystem::path file = name_of(node, "trajectory", "move of " + name);
       auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,
                                      scene.frame_rate_hz);

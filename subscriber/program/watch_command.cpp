@@ -153,7 +153,9 @@ Outcome run(const WatchOptions& options) {
   wire::program::log_network(options.transport);
   const Scratch scratch;
   if (scratch.path().empty())
-    return Status{StatusCode::kIo, "cannot make a folder for what is heard (TMPDIR)"};
+    return Status{StatusCode::kIo,
+                  "cannot make a folder for what is heard below the folder for temporary files: "
+                  "name one that can be written by TMPDIR"};
   const Result<std::unique_ptr<LiveServer>> server = start_server(options.http);
   NEARMESH_RETURN_IF_ERROR(server);
   std::unique_ptr<Ros2Watch> ros2;

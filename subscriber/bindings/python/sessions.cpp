@@ -219,7 +219,8 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
     } else if (name == "threads") {
       options.run_jobs = jobs_on(given_as<unsigned>(value, name));
     } else {
-      throw py::type_error("unexpected option " + name);
+      throw py::type_error("unexpected option " + name +
+                           "; help(nearmesh.Session) lists them");
     }
   }
   need(subscriber::check(options));
@@ -274,6 +275,12 @@ std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
   return motions;
 }
 
+void need_row(const FrameReport& report, std::size_t row) {
+  if (row >= report.answers.size())
+    throw py::index_error("row " + std::to_string(row) + ", expected one of the " +
+                          std::to_string(report.answers.size()) + " rows of answers, from 0");
+}
+
 void add_frame(py::module_& module) {
   py::class_<subscriber::FreeByBounds>(
       module, "FreeByBounds",
@@ -319,7 +326,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
       .def(
           "contacts",
           [](const FrameReport& report, std::size_t row) -> py::object {
-            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            need_row(report, row);
             const auto& contacts = report.answers[row].contacts;
             return contacts ? contacts_object(*contacts) : py::none();
           },
@@ -329,7 +336,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
       .def(
           "contact_ids",
           [](const FrameReport& report, std::size_t row) {
-            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            need_row(report, row);
             return rows_of(report.answers[row].contact_ids);
           },
           py::arg("row").noconvert(),
@@ -337,7 +344,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
       .def(
           "depth",
           [](const FrameReport& report, std::size_t row) -> py::object {
-            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            need_row(report, row);
             const auto& depth = report.answers[row].depth;
             return depth ? py::cast(*depth) : py::none();
           },
@@ -347,7 +354,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
       .def(
           "world",
           [](const FrameReport& report, std::size_t row) -> py::object {
-            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            need_row(report, row);
             const auto& world = report.answers[row].world;
             if (!world) return py::none();
             std::vector<TileRow> rows;

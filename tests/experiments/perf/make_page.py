@@ -82,7 +82,46 @@ all pairs (T Q), without a distance. Medians of the frames in which something ar
 
 AIMS = """## Aims
 
-Ratios are to FCL's OBB trees over the full meshes in the same run, where no other is named; of distances to its OBBRSS trees.
+Bare numbers are ratios of nearmesh's time to that of FCL's OBB trees over the full meshes in the same run (of distances to its OBBRSS trees), or of
+the library that is named. The sections below say what each row measures.
+"""
+
+# What is counted, of the tables that have a row for each metric of a CSV file; other names stand as they are.
+NAMES = {
+    "open": "open a file", "load_all": "load all of a model", "collapse_all": "collapse all", "split_id_order": "split all, in order of ids",
+    "split_random_order": "split all, in random order", "split_arrival_order": "split all, in order of arrival",
+    "collapse_reverse_order": "collapse all, one by one in reverse", "replica_apply": "decode, split and follow with the tree",
+    "tree_update": "tree: faces rebuilt", "tree_update_per_split": "tree: time a split", "tree_bytes_per_face": "tree: memory a held face",
+    "bake": "all of it, by the clock", "bake_processor_time": "all of it, processor time", "peak_resident": "peak memory", "split": "file, a split",
+    "forest_depth": "depth of the forest", "forest_depth_mean": "mean depth of the forest",
+    "mean_error_at_10_percent": "at a tenth of the faces: mean error", "rms_error_at_10_percent": "... root mean square error",
+    "greatest_error_at_10_percent": "... greatest error", "self_intersecting_at_10_percent": "... faces that meet others",
+    "resident_after_open": "memory after opening", "private_after_open": "... not shared", "first_request": "answer the first request",
+    "first_request_splits": "its splits", "resident_after_request": "memory after it", "private_after_request": "... not shared"}
+LEFT_OUT = ("content_hash", "touching_least_requests", "touching_least_request_bytes")  # a name; what has no requests
+REQUESTS = {
+    "splits_per_request": "splits a request", "bytes_per_split": "bytes a split", "bytes_per_split_records": "... of records",
+    "bytes_per_split_boxes": "... of boxes", "bytes_per_split_heads": "... of heads", "encode": "encode", "decode": "decode",
+    "batches_per_request": "batches a request", "attach_per_batch_if_largest_first": "nodes that a batch would name, were splits sorted by size"}
+COSTS = {
+    "answer": "publisher's processor time", "mirror": "publisher's memory of the peer", "mirror_asleep": "... when not used of late",
+    "lean_bytes": "bytes on a wire of least framing", "wire_bytes": "bytes on the wire", "payload": "bytes of batches", "splits": "splits",
+    "batches": "batches", "requests": "requests", "request_bytes": "bytes of requests", "rounds": "round trips",
+    "frame_p99": "bytes of a frame, 99th percentile", "frame_worst": "bytes of the worst frame", "before": "peer's memory before it",
+    "resident": "peer's memory after it", "peak": "peer's memory, peak", "tree": "peer's tree", "exact_faces": "peer's exact faces"}
+for size in ("small", "large"):
+    NAMES.update({f"{size}_{key}": f"{size} requests: {said}" for key, said in REQUESTS.items()})
+for kind, said_first in (("touching", "pose"), ("touching_least", "pose, without half-spaces"), ("flight", "flight")):
+    NAMES.update({f"{kind}_{key}": f"{said_first}: {said}" for key, said in COSTS.items()})
+
+CORE = """Each step of a peer and a publisher by itself, one thread: decoding, refining, following with the tree. *Small requests* ask for all detail in a
+cube about a random vertex, a 128th of the model's grid wide, from the base mesh; those of *large* ones are a 16th wide. *Records* are what a split adds to the mesh, *heads* what a batch costs beside its splits.
+"""
+BAKING = """`nearmesh-model build` of a generated terrain, step by step. Errors are in diagonals of the model's box.
+"""
+BYTES = """A ball of 1,280 faces is set down until it touches, in 45 places, each time from the base mesh on (*pose*: means of a place). On the largest terrain it also
+slides along the ground for 200 frames (*flight*). *Without half-spaces* are exactly the splits that the answer needs where no half-space is told. *Bytes on
+the wire* are those of batches with the framing of ours, *least framing* takes 76 bytes a batch. Requests are counted apart.
 """
 
 LIBRARIES = ("PQP", "FCL", "Coal", "Bullet", "Embree", "CGAL")
@@ -150,7 +189,7 @@ def aims(folder):
     rows = []
     for metric, what in (("first_contact", "first contact"), ("all_pairs", "all pairs"), ("distance", "exact distance")):
         for who, at_most in slowest(times, metric):
-            rows.append((f"{what}, to {who}: the slowest row", "at most", [1], [at_most]))
+            rows.append((f"{what}, to {who}", "at most", [1], [at_most]))
     if "pqp" in times["sphere/near_miss", "first_contact_median"]:
         at = times["sphere/near_miss", "first_contact_median"]
         rows.append(("sphere near miss, first contact, to PQP", "at most", [0.45], [at["nearmesh"] / at["pqp"]]))
@@ -220,13 +259,13 @@ def query_times(path):
 
 
 def slowest(times, metric):
-    """The greatest ratio of nearmesh's median to each peer's, of all rows."""
+    """The greatest ratio of nearmesh's median to each library's, of all rows."""
     ratios = {}
     for (workload, at), value in times.items():
         for who, name in (("pqp", "PQP"), ("fcl-obbrss" if metric == "distance" else "fcl-obb", "FCL"), ("coal-obbrss", "Coal")):
             if at == metric + "_median" and who in value:
                 ratios.setdefault(name, []).append(value["nearmesh"] / value[who])
-    return [(f"{name}, {sum(x > 1 for x in found)} of {len(found)} rows above", max(found)) for name, found in ratios.items()]
+    return [(f"{name}'s: the slowest of {len(found)} rows, of which {sum(x > 1 for x in found)} above 1", max(found)) for name, found in ratios.items()]
 
 
 def summary(folder):
@@ -245,7 +284,7 @@ def queries(path):
     for value in times.values():
         others += [who for who in value if not who.startswith("nearmesh") and who not in others]
     absent = [name for name in LIBRARIES if not any(who.startswith(name.lower()) for who in others)]
-    print(QUERIES.format(measured=f"Not there when this was measured: {', '.join(absent)}." if absent else "All of them were there when this was measured."))
+    print(QUERIES.format(measured=f"Not installed when this was measured: {', '.join(absent)}." if absent else "All of them were installed when this was measured."))
     print("| | nearmesh | " + " | ".join(others) + " |")
     print("|---|--:|" + "--:|" * len(others))
     for metric, title in (("first_contact_median", "first contact, or none"), ("first_contact_p95", "first contact, or none, 95th percentile"),
@@ -261,9 +300,12 @@ def queries(path):
     for (workload, metric), value in times.items():
         if "refining" in workload:
             print(f"| {workload.split('/')[0]} {metric.replace('_median', '').replace('_', ' ')} | {short(value['nearmesh'])} |")
-    for line in comments(path):
-        print(f"\n{line}", end="")
-    print("\n")
+    where(path)
+
+
+def where(path):
+    """On which machine, by which build and of which commit a file was measured."""
+    print("\n" + "\n".join(f"* {' '.join(line.split())}" for line in comments(path)) + "\n")
 
 
 def distances(times, others):
@@ -302,9 +344,7 @@ def frames(path):
     asked = sum(times[w, "pairs"]["nearmesh"] for (w, at) in times if at == "mean")
     certified = sum(times[w, "pairs"]["nearmesh"] * value["nearmesh"] for (w, at), value in times.items() if at == "certified")
     print(f"\nOf all answers {100 * certified / asked:.3f} % are certified in their frame.")
-    for line in comments(path):
-        print(f"\n{line}", end="")
-    print("\n")
+    where(path)
 
 
 def probe_times(path):
@@ -355,19 +395,19 @@ def solver(path):
     print()
 
 
-def plain(title, paths):
+def plain(title, about, paths):
     if not paths:
         return
     tables = {path.stem.split("-", 1)[1]: {r["metric"]: r for r in read(path)} for path in paths}
     metrics = []
     for table in tables.values():
-        metrics += [metric for metric in table if metric not in metrics and metric != "content_hash"]
-    print(f"## {title}\n\n| | " + " | ".join(name.replace("-", " ") for name in tables) + " | unit |")
+        metrics += [metric for metric in table if metric not in metrics and metric not in LEFT_OUT]
+    print(f"## {title}\n\n{about}\n| | " + " | ".join(name.replace("-", " ") for name in tables) + " | unit |")
     print("|---|" + "--:|" * len(tables) + "---|")
     for metric in metrics:
         unit = next(table[metric]["unit"] for table in tables.values() if metric in table)
         cells = [short(float(table[metric]["value"])) if metric in table else "" for table in tables.values()]
-        print(f"| {metric.replace('_', ' ')} | " + " | ".join(cells) + f" | {unit} |")
+        print(f"| {NAMES.get(metric, metric.replace('_', ' '))} | " + " | ".join(cells) + f" | {unit} |")
     print()
 
 
@@ -380,9 +420,9 @@ def main():
     queries(folder / "queries.csv")
     probes(folder / "probes.csv")
     solver(folder / "solver.csv")
-    plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
-    plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
-    plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))
+    plain("Codec, refinement, tree", CORE, sorted(folder.glob("core-*.csv")))
+    plain("Baking and opening", BAKING, sorted(folder.glob("bake-*.csv")))
+    plain("Bytes to certify, and a peer's memory", BYTES, sorted(folder.glob("bytes-*.csv")))
     for section in ("terrain.md.in", "limits.md"):
         print(pathlib.Path(__file__).with_name(section).read_text(), end="")
     print(AGAIN, end="")

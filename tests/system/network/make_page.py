@@ -27,11 +27,11 @@ def number(x, digits=3):
 
 
 def flights(folder):
-    return table(["Mbit/s", "lost", "certified", "contacts", "wrong", "longest without, s", "first certified, s", "batches, bytes",
-                  "to the peer, bytes", "from it, bytes"],
+    return table(["Mbit/s", "lost", "certified", "contacts", "wrong", "longest without, s", "first certified, s",
+                  "bytes of batches / to the peer / from it"],
                  [[f"{r['mbit_per_s']:g}", f"{100 * r['loss']:g} %", f"{r['certified']:.0f} of {r['answers']:.0f}",
                    f"{r['contacts']:.0f}", f"{r['wrong']:.0f}", f"{r['longest_lag_s']:.2f}", f"{r['first_certified_s']:.2f}",
-                   number(r["batch_bytes"]), number(r["wire_down_bytes"]), number(r["wire_up_bytes"])]
+                   " / ".join(number(r[key]) for key in ("batch_bytes", "wire_down_bytes", "wire_up_bytes"))]
                   for r in rows_of(folder / "flights.csv")])
 
 
@@ -55,13 +55,14 @@ def poses(folder):
         some = [r for r in rows if r["mbit_per_s"] == mbit]
         middle = lambda key: statistics.median(r[key] for r in some)
         ratio = statistics.median(r["driven_s"] / r["simulated_s"] for r in some)
-        lines.append([f"{mbit:g}", f"{middle('simulated_s'):.4f}", f"{middle('driven_s'):.4f}",
-                      f"{max(r['driven_s'] for r in some):.4f}", f"{ratio:.2f}",
-                      f"{8e-6 * middle('wire_down_bytes') / mbit:.4f}", number(middle("simulated_bytes")),
-                      number(middle("wire_down_bytes")), number(middle("simulated_request_bytes")), number(middle("wire_up_bytes")),
+        lines.append([f"{mbit:g}", f"{middle('simulated_s'):.4f}",
+                      f"{middle('driven_s'):.4f} ({max(r['driven_s'] for r in some):.4f})", f"{ratio:.2f}",
+                      f"{8e-6 * middle('wire_down_bytes') / mbit:.4f}",
+                      number(middle("simulated_bytes")) + " / " + number(middle("wire_down_bytes")),
+                      number(middle("simulated_request_bytes")) + " / " + number(middle("wire_up_bytes")),
                       f"{middle('driven_join_s'):.2f}"])
-    return table(["Mbit/s", "clock, s", "driven, s", "worst", "driven / clock", "bytes to the peer at that rate, s",
-                  "clock: bytes", "driven", "clock: requests, bytes", "driven", "joining, s"], lines)
+    return table(["Mbit/s", "clock, s", "driven, s (worst)", "driven / clock", "driven bytes to the peer at that rate, s",
+                  "bytes to the peer, clock / driven", "bytes from it, clock / driven", "joining, s"], lines)
 
 
 def cpu_of_request(row):
@@ -73,15 +74,14 @@ def peers(folder):
     lines = []
     for r in rows_of(folder / "peers-light.csv") + rows_of(folder / "peers-programs.csv"):
         n, seconds = r["peers"], r["seconds"]
-        lines.append([r["kind"], f"{n:.0f}", f"{r['rate_hz']:g}", f"{r['ready_s']:.1f}",
-                      f"{r['certified']:.0f} of {r['answers']:.0f}", number(r["requests"]),
-                      f"{1000 * r['publisher_cpu_s'] / seconds / n:.2f}", f"{1000 * cpu_of_request(r):.2f}",
+        lines.append([f"{n:.0f} {r['kind']}", f"{r['rate_hz']:g}", f"{r['ready_s']:.1f}",
+                      f"{r['certified']:.0f} of {r['answers']:.0f}",
+                      f"{1000 * r['publisher_cpu_s'] / seconds / n:.2f} / {1000 * cpu_of_request(r):.2f}",
                       number(r["batch_bytes"] / n), number(r["publisher_sent_bytes"] / seconds / n),
                       f"{(r['publisher_memory_after'] - r['publisher_memory_before']) / n / 1e3:.0f}",
                       f"{100 * r['repeated_bytes'] / r['flight_bytes']:.1f} %" if r["flight_bytes"] else "-"])
-    return table(["kind", "peers", "frames/s", "all ready, s", "certified", "requests", "publisher, ms of CPU per s and peer",
-                  "per request, ms", "batches a peer, bytes", "sent a peer, bytes/s", "memory a peer, kB",
-                  "sent alike to another"], lines)
+    return table(["peers", "frames/s", "all ready, s", "certified", "publisher's CPU, ms: per second and peer / per request",
+                  "batches a peer, bytes", "sent a peer, bytes/s", "memory a peer, kB", "sent alike"], lines)
 
 
 # Of a participant: announcements, measured on the wire at one a second, and a peer's readers and writers told to each other participant, once.
@@ -170,12 +170,12 @@ def faults(folder):
         ms = lambda key: f"{1000 * every[key]:.1f}"
         change = statistics.median(r["p99_s"] / r["quiet_p99_s"] - 1 for r in some)
         middle = lambda key: statistics.median(r[key] for r in some)
-        lines.append([text, f"{every['waited']:.0f}", ms("quiet_p50_s"), ms("p50_s"), ms("quiet_p99_s"), ms("p99_s"),
-                      f"{100 * (every['p99_s'] / every['quiet_p99_s'] - 1):+.0f} %", f"{100 * change:+.0f} %",
-                      f"{every['certified']:.0f} of {every['frames']:.0f}", f"{100 * middle('quiet_publisher_cpu'):.0f} %",
-                      f"{100 * middle('publisher_cpu'):.0f} %", f"{max(r['publisher_lines'] for r in some):.0f}"])
-    return table(["the bad peer", "answers waited for", "median without, ms", "with", "p99 without, ms", "with", "change of p99",
-                  "median of rounds", "certified", "publisher's CPU without", "with", "lines in its log, most"], lines)
+        lines.append([text, f"{every['waited']:.0f}", ms("quiet_p50_s") + " / " + ms("p50_s"), ms("quiet_p99_s") + " / " + ms("p99_s"),
+                      f"{100 * (every['p99_s'] / every['quiet_p99_s'] - 1):+.0f} % ({100 * change:+.0f} %)",
+                      f"{every['certified']:.0f} of {every['frames']:.0f}",
+                      f"{100 * middle('quiet_publisher_cpu'):.0f} % / {100 * middle('publisher_cpu'):.0f} %"])
+    return table(["the bad peer", "answers waited for", "median, ms: without / with", "p99, ms", "change of p99 (median of rounds)",
+                  "certified", "publisher's CPU"], lines)
 
 
 def restarts(folder):

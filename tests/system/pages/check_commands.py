@@ -4,7 +4,7 @@
 
 Reads the code blocks of README.md, docs/ and examples/, and programs that are named within a sentence. Of each nearmesh-* command
 program, verb and options are held against the program's own --help; of examples and of what is run by hand, which may not be built,
-against their sources. run_commands.py runs them.
+against their sources. So are the examples with which the --help of each verb ends. run_commands.py runs those of the pages.
 Prints what was done, one line per fault, and exits with 1 when there is any.
 """
 import functools
@@ -108,6 +108,20 @@ class Programs:
                 return "".join(path.read_text() for path in sorted(lists.parent.rglob("*.[ch]pp")))
         return None
 
+    def verbs(self, program):
+        return re.findall(r"^  ([a-z][a-z-]+) ", self.help(program, None).partition("\nSubcommands:")[2], re.MULTILINE)
+
+    def faults_of_help(self, program, verb):
+        """A verb's help ends with commands of that verb."""
+        examples = self.help(program, verb).partition("\nExamples:\n")[2].splitlines()
+        if not any(examples):
+            return [f"{program} {verb} --help ends without an example"]
+        faults = []
+        for line in filter(None, examples):
+            words = shlex.split(line.partition("&&")[0])
+            faults += [f"expected {program} {verb}, found {line.strip()}"] if words[:2] != [program, verb] else self.faults(words)
+        return [f"{program} {verb} --help: {fault}" for fault in faults]
+
     def faults(self, words):
         program, rest = words[0], words[1:]
         options = [re.match(r"-[\w-]*", word)[0] for word in rest if re.match(r"--?[a-z]", word)]
@@ -116,7 +130,7 @@ class Programs:
             if source is None:
                 return [f"there is no {program}"]
             return [f"{program} takes no {option}" for option in options if not re.search(rf'["\[ ,]{option}["\], =]', source)]
-        verbs = re.findall(r"^  ([a-z][a-z-]+) ", self.help(program, None).partition("\nSubcommands:")[2], re.MULTILINE)
+        verbs = self.verbs(program)
         verb = None
         if verbs and rest and not rest[0].startswith("-"):
             verb = rest[0]
@@ -133,7 +147,11 @@ def main(root, binaries):
     programs = Programs(root, binaries)
     read = [(page, line, words) for page in pages(root) for line, words in commands(page)]
     faults = [f"{page.relative_to(root)}:{line}: {fault}" for page, line, words in read for fault in programs.faults(words)]
-    print(f"{len(read)} commands read.")
+    helps = [(program, verb) for program in PROGRAMS for verb in programs.verbs(program)]
+    faults += [fault for program, verb in helps for fault in programs.faults_of_help(program, verb)]
+    print(f"{len(read)} commands and {len(helps)} helps read.")
+    if len(helps) < 20:
+        faults.append("fewer verbs than there were: are they still found?")
     return faults if len(read) > 90 else faults + ["fewer commands than there were: are they still found?"]
 
 
@@ -149,7 +167,18 @@ def self_test(binaries):
         (root / "README.md").write_text(planted["README.md"][0])
         programs = Programs(root, binaries)
         found = [fault for _, words in commands(root / "README.md") for fault in programs.faults(words)]
-    return [] if len(found) == planted["README.md"][1] else [f"expected {planted['README.md'][1]} faults, found {found}"]
+    if len(found) != planted["README.md"][1]:
+        return [f"expected {planted['README.md'][1]} faults, found {found}"]
+    good = "  --deep   Look closely\n\nExamples:\n    nearmesh-model info a.spm --deep\n"
+    for said, count in ((good, 0), (good + "    nearmesh-model info a.spm --colour\n", 1), (good.partition("Examples")[0], 1),
+                        (good + "    nearmesh-model query a.spm\n", 1), (good.replace("info a.spm", "$(info a.spm)"), 1)):
+        programs = Programs(root, binaries)
+        true_help = programs.help
+        programs.help = lambda program, verb, said=said, true=true_help: said if verb == "info" else true(program, verb)
+        found = programs.faults_of_help("nearmesh-model", "info")
+        if len(found) != count:
+            return [f"expected {count} faults of a help, found {found}: {said}"]
+    return []
 
 
 if __name__ == "__main__":

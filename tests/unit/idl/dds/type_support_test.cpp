@@ -175,7 +175,7 @@ TEST(TypeSupport, DirectoriesThatDoNotAddUpAreRefused) {
   EXPECT_EQ(refusal_after([&] { sample.names().pop_back(); }),
             "names of bodies: fewer whole ones than 4");
   EXPECT_EQ(refusal_after([&] { sample.names()[0] = 0x07; }),
-            "body: expected printable ASCII without blanks at the ends");
+            "body: expected 1 to 63 bytes of printable ASCII, found byte 0x07 at place 1");
 }
 
 TEST(TypeSupport, PromisesKeepTheirPlaces) {

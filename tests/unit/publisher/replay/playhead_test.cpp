@@ -181,7 +181,7 @@ TEST_F(PlayheadTest, RefusesWhatCannotBePlayed) {
   EXPECT_NE(refusal({.start_s = 9.5}).find("0 to 9.000 s, found 9.500"), std::string::npos)
       << refusal({.start_s = 9.5});
   EXPECT_NE(refusal({.start_s = -1}).find("start"), std::string::npos);
-  EXPECT_NE(refusal({.end_s = 20}).find("end: expected a time in the session's 0 to 9.000 s"),
+  EXPECT_NE(refusal({.end_s = 20}).find("end: expected a time in the recording's 0 to 9.000 s"),
             std::string::npos);
   EXPECT_NE(refusal({.start_s = 5, .end_s = 4}).find("after the start at 5.000 s"),
             std::string::npos);

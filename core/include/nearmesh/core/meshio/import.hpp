@@ -63,7 +63,7 @@ struct ImportedNodes {
   std::optional<ImportedTerrain> terrain;  ///< as in ImportedMesh
 };
 
-/// What is promised of a format, as docs/import.md has it.
+/// What is known of a format, as docs/import.md has it.
 struct MeshFormat {
   std::string_view name, endings, reader, unit, up, nodes;
 };
