@@ -43,9 +43,9 @@ inline constexpr double kLeastCosineToInput = 0.5;
 
 /// A vertex of more faces than this is crowded. A collapse that takes part in it costs as much as it has faces, so n faces
 /// around one vertex would cost n^2. It therefore stays as it is while its neighbours collapse among themselves, until it
-/// has half as many. Scans, terrain and vehicles stay below 200 at every level, and the lid of a prism of 1,000 sides has
-/// 998, so what they become does not depend on this.
-inline constexpr std::uint32_t kCrowd = 2048;
+/// has half as many. Scans, terrain and vehicles stay below 200 at every level. Cones, poles and lids of prisms become the
+/// same with any limit from here up: what is left of their rims goes first anyway.
+inline constexpr std::uint32_t kCrowd = 512;
 
 /// What a collapse must respect; each rule is tried only when the one before it allows nothing
 /// more.

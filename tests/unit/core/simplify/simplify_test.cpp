@@ -255,6 +255,31 @@ GridMesh faces_on_an_edge(std::uint32_t faces) {
   return with_face_ids(std::move(mesh));
 }
 
+/// Side by side, so many of them.
+GridMesh many(std::uint32_t count, const GridMesh& one) {
+  GridMesh mesh;
+  for (std::uint32_t i = 0; i < count; ++i)
+    append(mesh, one, static_cast<std::int32_t>(i) * 2000001);
+  return with_face_ids(std::move(mesh));
+}
+
+/// A tangle in which `hubs` vertices have `faces` each, every one with an edge of a path through random places.
+GridMesh tangled_hubs(std::uint32_t hubs, std::uint32_t faces) {
+  GridMesh mesh;
+  Random random(13);
+  const std::uint32_t path = hubs * faces / 2;
+  for (std::uint32_t i = 0; i < path + hubs; ++i) {
+    GridPoint p;
+    for (int k = 0; k < 3; ++k) p[k] = static_cast<std::int32_t>(random.below(1U << 20));
+    mesh.positions.push_back(p);
+  }
+  for (std::uint32_t i = 0; i < hubs * faces; ++i) {
+    const std::uint32_t at = random.below(path);
+    mesh.faces.push_back({at, (at + 1) % path, path + i % hubs});
+  }
+  return with_face_ids(std::move(mesh));
+}
+
 CollapseLog run(const GridMesh& mesh, std::uint32_t base_faces) {
   SimplifyOptions options;
   options.base_faces = base_faces;
@@ -471,6 +496,16 @@ TEST(SimplifyWork, IsNoMoreThanTwiceThatOfTerrainAroundOneVertex) {
   EXPECT_LT(work_per_face(two_fans(80000)), 2 * terrain);
   EXPECT_LT(work_per_face(blades(80000)), 2 * terrain);
   EXPECT_LT(work_per_face(faces_on_an_edge(80000)), 2 * terrain);
+}
+
+TEST(SimplifyWork, IsNoMoreThanFourTimesThatOfTerrainAroundManyVertices) {
+  const double terrain = work_per_face(rough_terrain(200));
+  for (const auto& one : {fan(2000), two_fans(4000), blades(2000), faces_on_an_edge(2000)})
+    EXPECT_LT(work_per_face(many(20, one)), 4 * terrain);
+}
+
+TEST(SimplifyWork, OfATangleIsLessThanHalfWhereItsFacesShareFewVertices) {
+  EXPECT_LT(2 * work_per_face(tangled_hubs(10, 2000)), work_per_face(tangled_hubs(400, 50)));
 }
 
 TEST(SimplifyWork, IsTheSameForEachFaceHoweverManyShareAVertex) {
