@@ -21,6 +21,7 @@
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
 #include "tile_notes.hpp"
+#include "tile_source.hpp"
 #include "world_plan.hpp"
 
 namespace nearmesh::program {

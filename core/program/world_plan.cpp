@@ -8,14 +8,13 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <utility>
 
 #include "core/base/digest.hpp"
 #include "core/base/output_file.hpp"
 #include "core/meshio/gdal_reader.hpp"
 #include "core/world/world_folder.hpp"
 #include "import_options.hpp"
-#include "terrain.hpp"
+#include "world_bounds.hpp"
 
 namespace nearmesh::program {
 namespace {
@@ -24,31 +23,6 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr FileKind kPlanFile{"a plan of a world", "{\"nearmesh_world_plan\":"};
-
-struct Bounds {
-  std::array<double, 3> lo{}, hi{};
-  bool is_empty = true;
-
-  void add(const std::array<double, 3>& p) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      lo[k] = is_empty ? p[k] : std::min(lo[k], p[k]);
-      hi[k] = is_empty ? p[k] : std::max(hi[k], p[k]);
-    }
-    is_empty = false;
-  }
-  [[nodiscard]] double longest() const {
-    double side = 0;
-    for (std::size_t k = 0; k < 3; ++k) side = std::max(side, hi[k] - lo[k]);
-    return side;
-  }
-};
-
-Bounds bounds_of(const IndexedMesh& mesh) {
-  Bounds bounds;
-  for (const auto& face : mesh.faces)
-    for (const std::uint32_t v : face) bounds.add(mesh.positions_m[v]);
-  return bounds;
-}
 
 /// Of the world that is there, but for what is asked for: then tiles join it.
 Result<std::optional<CommonLattice>> lattice_there(const BuildWorldOptions& options) {
@@ -129,12 +103,6 @@ fs::path folder_of(const BuildWorldOptions& options, const std::vector<std::stri
   const ContentHash name =
       digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   return fs::path(build.out) / "plans" / to_hex(name);
-}
-
-Result<ImportOptions> options_of(const BuildWorldOptions& options) {
-  Result<ImportOptions> import = import_options(options.build);
-  if (import.is_ok()) import.value().is_terrain_of_some = true;
-  return import;
 }
 
 std::uint64_t most_cells(std::uint32_t faces) {
@@ -239,7 +207,7 @@ std::optional<WorldPlan> read_plan(const std::string& path) {
 }
 
 Result<WorldPlan> make_plan(const BuildWorldOptions& options) {
-  const Result<ImportOptions> import = options_of(options);
+  const Result<ImportOptions> import = world_import_options(options);
   NEARMESH_RETURN_IF_ERROR(import);
   const bool is_lattice_known = find_lattice(options, {}).is_ok();
   WorldPlan plan;
@@ -334,6 +302,12 @@ std::vector<std::vector<std::uint32_t>> cut_mesh(const IndexedMesh& mesh, int ex
   return parts;
 }
 
+Result<ImportOptions> world_import_options(const BuildWorldOptions& options) {
+  Result<ImportOptions> import = import_options(options.build);
+  if (import.is_ok()) import.value().is_terrain_of_some = true;
+  return import;
+}
+
 Result<WorldPlan> plan_world(const BuildWorldOptions& options) {
   const Result<std::optional<CommonLattice>> there = lattice_there(options);
   NEARMESH_RETURN_IF_ERROR(there);
@@ -371,109 +345,6 @@ Status check_input(const BuildWorldOptions& options, const WorldPlan& plan, std:
   if (now.value() == plan.inputs[input]) return Status::ok();
   return {StatusCode::kConflict,
           options.in[input] + ": has changed while it was read; run the command again"};
-}
-
-Result<ImportedMesh> TileSource::read(const TileJob& job) {
-  const std::string& path = options_.in[job.input];
-  if (open_ != job.input) {
-    const Result<ImportOptions> import = options_of(options_);
-    NEARMESH_RETURN_IF_ERROR(import);
-    open_.reset();
-    grid_.reset();
-    mesh_ = {};
-    if (job.window) {
-      Result<std::optional<TerrainFile>> grid = TerrainFile::open(path, import.value());
-      NEARMESH_RETURN_IF_ERROR(grid);
-      if (!grid.value())
-        return Status(StatusCode::kConflict,
-                      path +
-                          ": expected the grid of heights that was there when its tiles were "
-                          "planned, found another file: run the command again");
-      grid_ = std::move(grid).value();
-    } else {
-      Result<ImportedMesh> mesh = import_mesh(path, import.value());
-      NEARMESH_RETURN_IF_ERROR(mesh);
-      mesh_ = std::move(mesh).value();
-      note(job, mesh_);
-      parts_ = cut_mesh(mesh_.mesh, plan_.lattice.exponent, options_.tile_faces);
-    }
-    open_ = job.input;
-  }
-  if (job.window) {
-    Result<ImportedMesh> window = grid_->read(*job.window);
-    if (window.is_ok()) note(job, window.value());
-    return window;
-  }
-  if (job.part >= parts_.size())
-    return Status(StatusCode::kConflict,
-                  path + ": expected the mesh that was there when its tiles were planned, found " +
-                      std::to_string(parts_.size()) + " parts and none with the number " +
-                      std::to_string(job.part) + ": run the command again");
-  // Only the part's own vertices, in the mesh's order.
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  ImportedMesh out{.origin = mesh_.origin,
-                   .is_as_written = mesh_.is_as_written,
-                   .stated_up = mesh_.stated_up,
-                   .terrain = mesh_.terrain};
-  std::vector<std::uint32_t> number(mesh_.mesh.positions_m.size(), kNone);
-  for (const std::uint32_t f : parts_[job.part])
-    for (const std::uint32_t v : mesh_.mesh.faces[f]) number[v] = 0;
-  for (std::size_t v = 0; v < number.size(); ++v) {
-    if (number[v] == kNone) continue;
-    number[v] = static_cast<std::uint32_t>(out.mesh.positions_m.size());
-    out.mesh.positions_m.push_back(mesh_.mesh.positions_m[v]);
-  }
-  for (const std::uint32_t f : parts_[job.part]) {
-    auto face = mesh_.mesh.faces[f];
-    for (std::uint32_t& v : face) v = number[v];
-    out.mesh.faces.push_back(face);
-  }
-  return out;
-}
-
-void TileSource::note(const TileJob& job, const ImportedMesh& mesh) {
-  const auto [at, is_new] = seen_.try_emplace(job.input);
-  Seen& seen = at->second;
-  if (job.window) ++seen.windows;
-  Measures& measures = seen.measures;
-  measures.origin = mesh.origin;
-  measures.stated_up = mesh.stated_up;
-  measures.is_terrain = mesh.terrain.has_value();
-  seen.is_as_written = mesh.is_as_written;
-  // A sample that one window has is no wrong one, and a unit that was taken for granted is so of all.
-  const bool has_nodata = !is_new && seen.terrain && !seen.terrain->unmatched_nodata;
-  seen.terrain = mesh.terrain;
-  if (has_nodata && seen.terrain) seen.terrain->unmatched_nodata.reset();
-  const Bounds bounds = bounds_of(mesh.mesh);
-  if (bounds.is_empty) return;
-  for (std::size_t k = 0; k < 3; ++k) {
-    measures.lo_m[k] = seen.is_empty ? bounds.lo[k] : std::min(measures.lo_m[k], bounds.lo[k]);
-    measures.hi_m[k] = seen.is_empty ? bounds.hi[k] : std::max(measures.hi_m[k], bounds.hi[k]);
-  }
-  seen.is_empty = false;
-}
-
-std::vector<Doubt> TileSource::doubts() const {
-  std::vector<Doubt> found;
-  for (const auto& [input, seen] : seen_) {
-    const auto is_window = [at = input](const TileJob& job) {
-      return job.input == at && job.window;
-    };
-    const auto windows = std::count_if(plan_.tiles.begin(), plan_.tiles.end(), is_window);
-    const bool is_all = std::cmp_equal(seen.windows, windows);
-    Measures measures = seen.measures;
-    if (seen.terrain) {
-      ImportedTerrain terrain = *seen.terrain;
-      if (!is_all) terrain.unmatched_nodata.reset();
-      measures.terrain_doubts = terrain_doubts(terrain, measures.origin);
-    }
-    const bool is_size_known = is_all && !seen.is_empty;
-    for (std::string& text :
-         is_size_known ? nearmesh::program::doubts(measures) : doubts_but_of_size(measures))
-      found.push_back({options_.in[input], std::move(text)});
-    if (!seen.is_as_written) found.push_back({options_.in[input], kReaderDoubt});
-  }
-  return found;
 }
 
 std::string describe(const TileJob& job, const BuildWorldOptions& options) {

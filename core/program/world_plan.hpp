@@ -3,13 +3,11 @@
 // Of what tiles a world is made: windows of grids and parts of meshes, on one lattice. The plan follows from options and inputs, and is
 // kept in the world's folder: whoever bakes one tile of it need not look at the others.
 
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "commands.hpp"
-#include "measures.hpp"
 #include "nearmesh/core/mesh/clean.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 
@@ -29,6 +27,9 @@ struct WorldPlan {
   std::vector<TileJob> tiles;
 };
 
+/// How inputs are read. Errors: as import_options().
+[[nodiscard]] Result<ImportOptions> world_import_options(const BuildWorldOptions& options);
+
 /// The plan that is kept, or a new one, which is then kept. Errors: those of reading an input, naming it.
 [[nodiscard]] Result<WorldPlan> plan_world(const BuildWorldOptions& options);
 
@@ -36,41 +37,6 @@ struct WorldPlan {
 /// kConflict, naming it.
 [[nodiscard]] Status check_input(const BuildWorldOptions& options, const WorldPlan& plan,
                                  std::uint32_t input);
-
-/// What may not be as it was meant, of an input.
-struct Doubt {
-  std::string input, text;
-};
-
-/// Hands out the meshes of tiles. Holds one input at a time: of a grid a window, of a mesh all.
-class TileSource {
- public:
-  TileSource(const BuildWorldOptions& options, const WorldPlan& plan)
-      : options_(options), plan_(plan) {}
-  /// May be without faces. Errors: those of reading, naming the file.
-  [[nodiscard]] Result<ImportedMesh> read(const TileJob& job);
-  /// Of what was read, as `build` has them. What only all of a grid tells, as its size, is not doubted where some of
-  /// its windows were not read.
-  [[nodiscard]] std::vector<Doubt> doubts() const;
-
- private:
-  /// What is known of an input.
-  struct Seen {
-    Measures measures;
-    std::optional<ImportedTerrain> terrain;
-    bool is_as_written = true, is_empty = true;
-    std::size_t windows = 0;  ///< of a grid, that were read
-  };
-  void note(const TileJob& job, const ImportedMesh& mesh);
-
-  const BuildWorldOptions& options_;
-  const WorldPlan& plan_;
-  std::optional<std::uint32_t> open_;  // the input that is held
-  std::optional<TerrainFile> grid_;
-  ImportedMesh mesh_;
-  std::vector<std::vector<std::uint32_t>> parts_;
-  std::map<std::uint32_t, Seen> seen_;  // by input
-};
 
 /// The faces of each part, ascending: by halves across the longest side until a part has at most so many. Which part a face goes to depends on its
 /// place on the lattice alone, so faces that fall together there stay together.

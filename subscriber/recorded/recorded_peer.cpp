@@ -3,94 +3,19 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
-#include <new>
 #include <tuple>
 
-#include "core/base/float_guard.hpp"
-#include "core/base/hash.hpp"
-#include "core/base/parallel.hpp"
 #include "core/replica/held_nodes.hpp"
-#include "nearmesh/core/spm/detail/codec.hpp"
-#include "nearmesh/idl/dds/recorded_samples.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
 
-constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 /// Batches and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
 /// so many rounds, are enough for the one to be found in the other.
 constexpr std::size_t kLatest = 1024;
 constexpr std::size_t kMaxComplaints = 16;
 
 }  // namespace
-
-void ModelSources::take(const wire::MeshHeader& header) {
-  if (is_world_record(header.bytes)) {
-    if (auto record = decode_world(header.bytes); record.is_ok())
-      worlds_.try_emplace(header.content_hash, record.value(), header.name);
-  } else if (!headers_.contains(header.content_hash) && decode_header(header.bytes).is_ok()) {
-    headers_.emplace(header.content_hash, header.bytes);
-  }
-}
-
-void ModelSources::take_piece(const wire::SplitBatchMessage& message) {
-  const ContentHash& content = message.content_hash;
-  if (pages_.contains(content) || headers_.contains(content)) return;
-  const auto piece = unseal_batch(content, message.bytes);
-  if (!piece.is_ok()) return;
-  const auto at = unread_.try_emplace(content, content).first;
-  auto bytes = at->second.take(piece.value());
-  if (!bytes.is_ok() || !bytes.value()) return;
-  unread_.erase(at);
-  if (Result<WorldPage> page = decode_page(*bytes.value()); page.is_ok()) {
-    pages_.emplace(content, std::move(page).value());
-  } else if (decode_header(*bytes.value()).is_ok()) {
-    headers_.emplace(content, std::move(*bytes.value()));
-  }
-}
-
-std::optional<SpmHeader> ModelSources::header(const ContentHash& content) const {
-  const auto at = headers_.find(content);
-  if (at == headers_.end()) return std::nullopt;
-  return decode_header(at->second).value();
-}
-
-const WorldRecord* ModelSources::world(const ContentHash& content) const {
-  const auto at = worlds_.find(content);
-  if (at != worlds_.end()) return &at->second.first;
-  return files == nullptr ? nullptr : files->world(content);
-}
-
-const std::string& ModelSources::name_of_world(const ContentHash& content) const {
-  static const std::string kUnknown = "world";
-  const auto at = worlds_.find(content);
-  return at == worlds_.end() ? kUnknown : at->second.second;
-}
-
-const WorldPage* ModelSources::page(const ContentHash& content) const {
-  const auto at = pages_.find(content);
-  return at == pages_.end() ? nullptr : &at->second;
-}
-
-std::string why_stale(const wire::ContactReport& report) {
-  for (const auto& [asked, body] :
-       {std::pair(&report.a, &report.body_a), std::pair(&report.b, &report.body_b)}) {
-    // Else no session asks.
-    if (asked->stamp.mover == wire::Mover::kNone && !report.asked) continue;
-    std::string why = wire::why_stale(asked->stamp, report.time_s, *body);
-    if (!why.empty()) return why;
-  }
-  return {};
-}
-
-bool claims_nothing(const wire::ContactReport& report) {
-  // The wire carries finite numbers: the largest stands for "cannot be bounded".
-  return report.answer_digest == digest(nothing_known()) &&
-         report.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain) &&
-         report.pair_count == 0 && report.pairs.empty() && report.clearance_m == 0 &&
-         report.uncertainty_m == std::numeric_limits<double>::max();
-}
 
 bool RecordedPeer::Numbers::follow(const Batch& batch) {
   Heard& last = heard[batch.publisher];
@@ -499,106 +424,6 @@ Result<Answered> RecordedPeer::ask_tile(const wire::ContactReport& report, const
   };
   return answer(body(report.a, report.body_a, true), body(report.b, report.body_b, false),
                 bounded(report, options));
-}
-
-namespace {
-
-/// Hands the messages of a recording to its peers.
-class Hands {
- public:
-  Hands(const RecordingReader& recording, const wire::RecordedSamples& samples,
-        const PlayPlan& plan, ModelSources& sources, Played& played)
-      : recording_(recording), samples_(samples), plan_(plan), sources_(sources), played_(played) {}
-
-  void take(std::int64_t id, const RecordedMessage& message) {
-    if (const auto header = samples_.read<wire::MeshHeader>(message)) {
-      sources_.take(*header);
-    } else if (samples_.is<wire::SplitBatchMessage>(message)) {
-      const std::string& partition = recording_.writers()[message.writer].partition;
-      if (wire::peer_of(partition) == 0) return;  // whatever its writer called it
-      RecordedPeer* peer = peer_of(partition);
-      if (peer == nullptr) return;
-      auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
-      if (!batch.is_ok()) return;
-      if (batch.value().is_piece) sources_.take_piece(batch.value());
-      peer->take(std::move(batch).value());
-    } else if (auto held = samples_.read<wire::HeldDetail>(message)) {
-      RecordedPeer* peer = peer_of(wire::partition_of(held->peer));
-      if (peer != nullptr) peer->take(std::move(*held));
-    } else if (samples_.is<wire::ContactReport>(message)) {
-      take_report(id, message);
-    }
-  }
-  void work(bool final) {
-    std::vector<RecordedPeer*> all;
-    for (auto& [partition, peer] : played_.peers)
-      if (peer != nullptr) all.push_back(peer.get());
-    for_each_index(all.size(), plan_.threads,
-                   [&](std::size_t i) { all[i]->work(sources_, final); });
-  }
-
- private:
-  RecordedPeer* peer_of(const std::string& partition) {
-    const auto [at, is_new] = played_.peers.try_emplace(partition);
-    if (is_new) at->second = plan_.make_peer(partition);
-    return at->second.get();
-  }
-  void take_report(std::int64_t id, const RecordedMessage& message) {
-    if (plan_.wants && !plan_.wants(id)) return;
-    ++played_.reports;
-    auto report = wire::decode_payload<wire::ContactReport>(message.cdr);
-    if (!report.is_ok()) {
-      ++played_.malformed;
-      return;
-    }
-    RecordedPeer* peer = peer_of(wire::partition_of(report.value().peer));
-    if (peer != nullptr) peer->take({id, message.received_ns, std::move(report).value()});
-  }
-
-  const RecordingReader& recording_;
-  const wire::RecordedSamples& samples_;
-  const PlayPlan& plan_;
-  ModelSources& sources_;
-  Played& played_;
-};
-
-}  // namespace
-
-Playing::Playing(PlayPlan plan) : plan_(std::move(plan)), sources_(plan_.models) {}
-
-Status Playing::go_on(RecordingReader& recording, bool final) {
-  const FloatGuard guard;
-  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  NEARMESH_RETURN_IF_ERROR(samples);
-  Hands hands(recording, samples.value(), plan_, sources_, played_);
-  const auto take = [&](std::int64_t id, const RecordedMessage& message) {
-    hands.take(id, message);
-    return true;
-  };
-  try {
-    while (next_ <= recording.message_count()) {
-      const std::int64_t end = std::min(next_ + kChunk, recording.message_count() + 1);
-      NEARMESH_RETURN_IF_ERROR(recording.read(next_, end, take));
-      next_ = end;
-      hands.work(false);
-      if (plan_.has_enough && plan_.has_enough()) break;
-    }
-    if (final) hands.work(true);
-  } catch (const std::bad_alloc&) {  // replicas span all ids that a header announces
-    return Status{StatusCode::kIo, "no memory for the peers' replicas"};
-  }
-  return Status::ok();
-}
-
-Played Playing::finish() {
-  std::erase_if(played_.peers, [](const auto& entry) { return entry.second == nullptr; });
-  return std::move(played_);
-}
-
-Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
-  Playing playing(plan);
-  NEARMESH_RETURN_IF_ERROR(playing.go_on(recording, true));
-  return playing.finish();
 }
 
 }  // namespace nearmesh::subscriber

@@ -54,6 +54,13 @@ struct OwnedFrame {
   std::vector<nearmesh_contact_event> contact_events;
 };
 
+/// Errors: what is missing or out of its range, by its name in nearmesh.h.
+[[nodiscard]] Result<subscriber::SessionOptions> session_options_of(
+    const nearmesh_session_options* given);
+[[nodiscard]] Result<subscriber::BodyOptions> body_options_of(const nearmesh_body_options* given);
+/// None for no text.
+[[nodiscard]] Result<ContentHash> content_of(const char* digits);
+
 /// A channel on DDS. Errors: those of DdsChannel::create; kUnsupported where this build has none.
 [[nodiscard]] Result<std::unique_ptr<subscriber::Channel>> make_dds_channel(
     const nearmesh_dds_options* options);
@@ -112,5 +119,12 @@ nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&&
     }
   });
 }
+
+/// Into the handle's scratch.
+[[nodiscard]] Status take_motions(nearmesh_session& handle, const nearmesh_body* bodies,
+                                  const nearmesh_motion* motions, std::size_t count);
+/// Of the last update.
+void keep_frame(nearmesh_session& handle, subscriber::FrameReport&& report,
+                const nearmesh_frame** frame);
 
 }  // namespace nearmesh::c

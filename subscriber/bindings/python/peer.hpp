@@ -3,9 +3,12 @@
 // A session as Python has it.
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "bindings.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -63,6 +66,20 @@ auto unlocked(Peer& peer, const Work& work) {
 /// The number of a body, as a key.
 [[nodiscard]] std::uint32_t body_of(const py::handle& given);
 
+/// Session.local and Session.dds, with their options by keyword.
+[[nodiscard]] std::unique_ptr<Peer> local_session(const std::map<std::string, std::string>& models,
+                                                  const std::map<std::string, std::string>& worlds,
+                                                  const py::kwargs& given);
+[[nodiscard]] std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& interface,
+                                                const std::string& name, const std::string& prefix,
+                                                const std::string& transport,
+                                                const std::string& security,
+                                                const std::vector<std::string>& initial_peers,
+                                                const std::string& discovery_server,
+                                                const py::kwargs& given);
+
+/// The class FrameReport.
+void add_frame(py::module_& module);
 /// What the class Session has of probes, and poses that the host heard.
 void add_probes(py::class_<Peer> peer_class);
 
