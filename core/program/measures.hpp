@@ -25,6 +25,9 @@ struct Measures {
 /// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states; those of the grid.
 [[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
 
+/// To three digits, never to less than it is: of what is a bound.
+[[nodiscard]] std::string round_up(double bound);
+
 void add_json(const Measures& measures, nlohmann::ordered_json& report);
 void print_text(const Measures& measures);
 
