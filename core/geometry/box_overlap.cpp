@@ -325,6 +325,32 @@ std::array<double, 3> to_grid_units(const Grid& grid, const Pose& pose,
   return {v[0] / unit_m, v[1] / unit_m, v[2] / unit_m};
 }
 
+bool balls_apart(const PosedFrame& frame_a, const GridBox& a, const PosedFrame& frame_b,
+                 const GridBox& b) {
+  NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
+  const CenteredBox box_a = centered(a), box_b = centered(b);
+  const double scale_a = std::ldexp(1.0, -frame_a.shift), scale_b = std::ldexp(1.0, -frame_b.shift);
+  // In lattice cells. Frames stretch by less than 1.0001; four cells are more than what corners and origins round, and a grid
+  // unit of each, with 2^-40 of the way, more than what doubles do, here and in boxes_apart.
+  double way2 = 0, way1 = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    double at_a = 0, at_b = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      at_a += static_cast<double>(frame_a.rotation[3 * k + i]) * box_a.center[i];
+      at_b += static_cast<double>(frame_b.rotation[3 * k + i]) * box_b.center[i];
+    }
+    const auto origins = static_cast<double>(frame_b.translation[k] - frame_a.translation[k]);
+    const double way = origins + (at_b * scale_b - at_a * scale_a);
+    way2 += way * way;
+    way1 += std::abs(origins);
+  }
+  const auto radius = [](const CenteredBox& box, double scale) {
+    return (std::sqrt(dot(box.half, box.half)) * 1.001 + 1) * 0x1p30 * scale;
+  };
+  const double room = radius(box_a, scale_a) + radius(box_b, scale_b) + 0x1p-40 * way1 + 4;
+  return way2 > room * room;
+}
+
 bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
   const BoxPair pair = pair_up(f, a, b, f.slack);
   for (std::size_t i = 0; i < 3; ++i)

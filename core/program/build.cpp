@@ -64,7 +64,7 @@ struct Outcome {
   std::uint64_t base_vertices = 0, base_faces = 0, splits = 0;
   StopReason stop = StopReason::kNothingToDo;
   std::uint64_t clustered = 0;
-  double cell_m = 0;
+  double cell_m = 0, rounding_bound_m = 0;
   int grid_bits = 0;
   WrittenModel written;
 };
@@ -86,7 +86,7 @@ void print_json(const Outcome& o) {
                                    {"disagreeing_edges", c.edges_disagreeing},
                                    {"grid_bits", o.grid_bits},
                                    {"cell_m", o.cell_m},
-                                   {"rounding_error_m", c.rounding_error_m},
+                                   {"rounding_error_m", o.rounding_bound_m},
                                    {"base_faces", o.base_faces},
                                    {"base_vertices", o.base_vertices},
                                    {"splits", o.splits},
@@ -125,8 +125,8 @@ void print_text(const Outcome& o) {
       count(c.components), count(c.edges_boundary), count(c.edges_non_manifold),
       count(c.edges_disagreeing));
   print_text(o.measures);
-  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", o.grid_bits,
-              o.cell_m, c.rounding_error_m);
+  std::printf("  grid          %d bits, cell %.3g m, rounding error %s m\n", o.grid_bits, o.cell_m,
+              round_up(o.rounding_bound_m).c_str());
   std::printf(
       "  base          %llu faces, %llu vertices (%s%s)\n", count(o.base_faces),
       count(o.base_vertices), to_string(o.stop),
@@ -196,6 +196,7 @@ Result<Built> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_up
   outcome.clustered = model.log.clustered;
   outcome.cell_m = std::ldexp(1.0, model.header.grid.exponent);
   outcome.grid_bits = model.header.grid.bits;
+  outcome.rounding_bound_m = model.header.rounding_bound_m();
   outcome.written = encoded.written;
   return Built{std::move(outcome), std::move(file).value()};
 }

@@ -51,7 +51,7 @@ Status run(const InfoOptions& options) {
                                      {"boundary_edges", header.surface.boundary_edges},
                                      {"disagreeing_edges", header.surface.disagreeing_edges},
                                      {"components", header.surface.component_count},
-                                     {"rounding_error_m", header.rounding_error_m}};
+                                     {"rounding_error_m", header.rounding_bound_m()}};
     if (header.grid.shares_lattice()) {
       report["lattice_cells"] = header.grid.lattice_cells;
       report["lattice_origin_m"] = header.grid.lattice_origin_m();
@@ -79,8 +79,8 @@ Status run(const InfoOptions& options) {
   std::printf("  bytes         %llu in all, header %zu, coding tables: %s\n",
               static_cast<unsigned long long>(file.value().file_bytes()),
               file.value().header_bytes().size(), tables.c_str());
-  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
-              cell, header.rounding_error_m);
+  std::printf("  grid          %d bits, cell %.3g m, rounding error %s m\n", header.grid.bits, cell,
+              round_up(header.rounding_bound_m()).c_str());
   if (header.grid.shares_lattice()) {
     const auto origin_m = header.grid.lattice_origin_m();
     std::printf("  lattice       shared, from %.9g, %.9g, %.9g m\n", origin_m[0], origin_m[1],

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 namespace nearmesh::program {
 namespace {
@@ -53,6 +54,14 @@ Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin)
     out.hi_m[k] = grid.origin_m[k] + std::ldexp(box.hi[static_cast<int>(k)], grid.exponent);
   }
   return out;
+}
+
+std::string round_up(double bound) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.3g", bound);
+  // Half of the last digit is at most 0.005 of it.
+  if (std::strtod(text, nullptr) < bound) std::snprintf(text, sizeof text, "%.3g", bound * 1.005);
+  return text;
 }
 
 std::vector<std::string> doubts_but_of_size(const Measures& measures) {

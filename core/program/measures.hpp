@@ -31,6 +31,9 @@ inline constexpr const char* kReaderDoubt =
     "what the reader of this format does to units and axes is not known; nearmesh-model formats "
     "lists those of which it is";
 
+/// To three digits, never to less than it is: of what is a bound.
+[[nodiscard]] std::string round_up(double bound);
+
 void add_json(const Measures& measures, nlohmann::ordered_json& report);
 void print_text(const Measures& measures);
 

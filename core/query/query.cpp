@@ -300,6 +300,17 @@ double node_bound(const SplitStore& store, NodeSpan node) {
   return guard.keep(std::sqrt(square) * (1 + 0x1p-48));
 }
 
+namespace {
+
+/// What the walk finds of roots far apart, before anything is made for it.
+bool are_far_apart(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
+                   const PosedFrame& frame_b) {
+  return a.nodes[0].lanes != 0 && b.nodes[0].lanes != 0 &&
+         balls_apart(frame_a, a.nodes[0].boxes.box(0), frame_b, b.nodes[0].boxes.box(0));
+}
+
+}  // namespace
+
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
              const PosedFrame& frame_b, const QueryOptions& options) {
   const FloatGuard guard;
@@ -308,6 +319,8 @@ Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                   (a.surface != nullptr && b.surface != nullptr));
   NEARMESH_ASSERT(!options.solid_a || a.surface->is_closed());
   NEARMESH_ASSERT(!options.solid_b || b.surface->is_closed());
+  if (options.clearance == Clearance::kNone && are_far_apart(a, frame_a, b, frame_b))
+    return {.status = AnswerStatus::kFree, .stats = {.box_tests = 1}};
   return Query(Scene(a, frame_a, b, frame_b), options).run();
 }
 

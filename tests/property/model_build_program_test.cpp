@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "nearmesh/core/spm/model_file.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -28,6 +29,27 @@ TEST_F(ModelBuildProgram, WritesTheSameFileOnAnyNumberOfThreads) {
   ASSERT_EQ(run("build " + mesh.path() + " -o " + all.path()), 0);
   EXPECT_EQ(two.read(), alone.read());
   EXPECT_EQ(all.read(), alone.read());
+}
+
+TEST_F(ModelBuildProgram, StatesARoundingErrorThatIsNoLessThanTheBound) {
+  const test::TempFile mesh(".ply"), model, text(".txt");
+  double more = 0;
+  for (const char* seed : {"1", "2", "3", "4"}) {
+    ASSERT_EQ(run("generate terrain --size 8 --seed " + std::string(seed) + " -o " + mesh.path()),
+              0);
+    ASSERT_EQ(run("build " + mesh.path() + " -o " + model.path()), 0);
+    const double bound = ModelFile::open(model.path()).value().header().rounding_bound_m();
+    ASSERT_EQ(std::system((program() + " info " + model.path() + " > " + text.path()).c_str()), 0);
+    const auto bytes = text.read();
+    const std::string said(bytes.begin(), bytes.end()), before = "rounding error ";
+    const std::size_t at = said.find(before);
+    ASSERT_NE(at, std::string::npos);
+    const double stated = std::strtod(said.c_str() + at + before.size(), nullptr);
+    EXPECT_GE(stated, bound);
+    EXPECT_LE(stated, bound * 1.01);
+    more += stated - bound;
+  }
+  EXPECT_GT(more, 0);  // four that three digits hold would show nothing
 }
 
 TEST_F(ModelBuildProgram, RefusesNoThreads) {

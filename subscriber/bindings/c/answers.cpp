@@ -108,7 +108,7 @@ nearmesh_model_facts facts_of(const SpmHeader& header, const ContentText& conten
   facts.cell_m = std::ldexp(1.0, header.grid.exponent);
   copy(header.grid.origin_m, facts.grid_origin_m);
   facts.grid_bits = header.grid.bits;
-  facts.rounding_error_m = header.rounding_error_m;
+  facts.rounding_error_m = header.rounding_bound_m();
   return facts;
 }
 

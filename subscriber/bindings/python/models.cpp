@@ -333,8 +333,8 @@ void add_models(py::module_& module) {
               [](const Model& m) { return std::ldexp(1.0, m.file.header().grid.exponent); },
               "Vertices were rounded to a grid of this cell, metres.")
           .def_property_readonly(
-              "rounding_error_m", [](const Model& m) { return m.file.header().rounding_error_m; },
-              "Greatest distance of an input vertex from its place on the grid, metres.")
+              "rounding_error_m", [](const Model& m) { return m.file.header().rounding_bound_m(); },
+              "No input vertex is farther from its place on the grid, metres.")
           .def("mesh", &mesh_arrays,
                "The full mesh: vertices (n, 3) float64, metres, and faces (m, 3) uint32 in the "
                "input's "

@@ -154,6 +154,55 @@ TEST(BoxesApart, NeverAcrossAContact) {
   });
 }
 
+GridBox box_of(const GridTriangle& t) {
+  GridBox box;
+  for (const GridPoint& p : t) box.add(p);
+  return box;
+}
+
+TEST(BallsApart, NeverAcrossAContact) {
+  for_each_last_contact(31, [](const Scene& s) {
+    EXPECT_FALSE(balls_apart(s.a, box_of(s.in_a), s.b, box_of(s.in_b)));
+    EXPECT_FALSE(balls_apart(s.b, box_of(s.in_b), s.a, box_of(s.in_a)));
+  });
+}
+
+TEST(BallsApart, OnlyWhereBoxesAreFromTheFirstStepOn) {
+  Random random(32);
+  for_each_last_contact(32, [&random](Scene s) {
+    const GridBox a = box_of(s.in_a), b = box_of(s.in_b);
+    const std::array<double, 3> direction{random.between(-1, 1), random.between(-1, 1),
+                                          random.between(-1, 1)};
+    const auto start = s.b.translation;
+    const auto is_apart = [&](std::int64_t n) {
+      for (std::size_t k = 0; k < 3; ++k)
+        s.b.translation[k] = start[k] + std::llround(direction[k] * static_cast<double>(n));
+      return balls_apart(s.a, a, s.b, b);
+    };
+    std::int64_t near = 0, far = std::int64_t{1} << 45;
+    if (!is_apart(far)) return;  // a direction of hardly any length
+    while (far - near > 1) {
+      const std::int64_t mid = (near + far) / 2;
+      (is_apart(mid) ? far : near) = mid;
+    }
+    ASSERT_TRUE(is_apart(far));
+    EXPECT_TRUE(boxes_apart(make_relative_frame(s.a, s.b), centered(a), centered(b)));
+    EXPECT_TRUE(boxes_apart(make_relative_frame(s.b, s.a), centered(b), centered(a)));
+  });
+}
+
+TEST(BallsApart, WhereTheWayIsSomeLongerThanBothRadii) {
+  const Grid grid{{}, -16, 21};
+  const PosedFrame a = make_posed_frame(grid, {}, lattice_exponent(grid, grid)).value();
+  PosedFrame b = a;
+  const GridBox box{{{-1000, -1000, -1000}}, {{1000, 1000, 1000}}};
+  const std::int64_t unit = std::int64_t{1} << (30 - a.shift);
+  b.translation[1] = 3468 * unit;  // twice 1000 sqrt(3) is 3464.1
+  EXPECT_FALSE(balls_apart(a, box, b, box));
+  b.translation[1] = 3472 * unit;
+  EXPECT_TRUE(balls_apart(a, box, b, box));
+}
+
 TEST(BoxesGap, ZeroAcrossAContact) {
   for_each_last_contact(22, [](const Scene& s) {
     EXPECT_EQ(boxes_gap_m(make_relative_frame(s.a, s.b), box_around(s.in_a), box_around(s.in_b)),

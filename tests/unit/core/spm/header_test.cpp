@@ -2,6 +2,7 @@
 #include "nearmesh/core/spm/detail/header.hpp"
 
 #include <bit>
+#include <cmath>
 #include <limits>
 
 #include "core/bake/count_typical.hpp"
@@ -33,6 +34,27 @@ TEST_P(Header, DecodesToWhatWasEncoded) {
   ASSERT_EQ(found.tables.contexts().size(), header.tables.contexts().size());
   for (std::size_t i = 0; i < found.tables.contexts().size(); ++i)
     EXPECT_EQ(found.tables.contexts()[i].lengths, header.tables.contexts()[i].lengths) << i;
+}
+
+TEST(RoundingBound, IsNoLessThanWhatAnyVertexWasMoved) {
+  Random random(41);
+  for (int i = 0; i < 400; ++i) {
+    IndexedMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 1}}, {{0, 1, 2}, {0, 1, 3}}};
+    mesh.positions_m.push_back({random.unit(), random.unit(), random.unit()});
+    const CleanResult clean = clean_mesh(mesh).value();
+    const GridPoint& p = clean.mesh.positions[3];
+    long double square = 0;  // eleven bits more than what is held against it
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double placed =
+          clean.mesh.grid.origin_m[k] + std::ldexp(p.v[k], clean.mesh.grid.exponent);
+      const long double off = static_cast<long double>(mesh.positions_m[3][k]) - placed;
+      square += off * off;
+    }
+    const SpmHeader header{.rounding_error_m = clean.report.rounding_error_m};
+    const long double bound = header.rounding_bound_m();
+    EXPECT_GE(bound * bound, square);
+    EXPECT_LE(bound, std::sqrt(square) * (1 + 0x1p-48L));
+  }
 }
 
 TEST(EncodeHeader, WithTablesOfItsOwnDecodesToThem) {

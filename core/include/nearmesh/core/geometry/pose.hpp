@@ -91,6 +91,7 @@ struct PosedFrame {
 
 /// Where the grid's origin is beyond `translation`, in lattice cells: at least 0, less than 1.
 [[nodiscard]] inline double beyond_translation(const PosedFrame& frame, std::size_t axis) {
+  if (frame.remainder[axis] == 0) return 0;  // nearly always: only tiles of a world have any
   return std::ldexp(static_cast<double>(frame.remainder[axis]), -frame.shift);
 }
 

@@ -49,7 +49,8 @@ struct CleanReport {
   std::uint64_t edges_boundary = 0;         ///< with one face (segments not counted)
   std::uint64_t edges_disagreeing = 0;      ///< with more faces, not passed equally often both ways
   std::uint64_t components = 0;             ///< connected through shared vertices
-  double rounding_error_m = 0;              ///< greatest distance of a vertex from its grid point
+  double rounding_error_m = 0;  ///< greatest distance of a vertex from its grid point, as doubles
+                                ///< have it: short of it by 2^-51 at most
 };
 
 struct CleanOptions {

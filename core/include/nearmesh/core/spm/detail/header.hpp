@@ -43,7 +43,7 @@ struct SpmHeader {
   ContentHash
       content;  ///< of the header's bytes, and so of the whole model; decode_header() sets it
   Grid grid;
-  double rounding_error_m = 0;
+  double rounding_error_m = 0;  ///< as it was computed: rounding_bound_m() is what to state
   std::array<std::uint8_t, 3>
       lattice_shift{};  ///< every coordinate is a multiple of 2^shift, per axis
   std::uint32_t vertex_count = 0;
@@ -53,6 +53,8 @@ struct SpmHeader {
   SurfaceFacts surface;
   CodingTables tables;
 
+  /// No vertex of the input is farther from its grid point. Three squares, their sum and its root round by less than 2^-51.
+  [[nodiscard]] double rounding_bound_m() const { return rounding_error_m * (1 + 0x1p-50); }
   [[nodiscard]] std::uint32_t split_count() const {
     return vertex_count - static_cast<std::uint32_t>(roots.size());
   }
