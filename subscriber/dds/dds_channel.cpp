@@ -129,7 +129,8 @@ class DdsChannel::Impl {
   void drop_ended();
   void deliver_movers();
   template <class Use>
-  void note(SessionId peer, const Use& use) {
+  void note(SessionId peer, const Handle& writer, const Use& use) {
+    if (!movers_.may_speak_for(peer, writer)) return;
     const std::lock_guard lock(mutex_);
     PoseCounts* const known = tally_.use(peer);
     use(known != nullptr ? *known : *tally_.put(peer, {}));
@@ -595,7 +596,7 @@ bool DdsChannel::Impl::receive_poses() {
   bool more_promised = promise_reader_.drain(
       kMaxTaken, [&](wire::BodyPromises&& promised, const Handle& writer, Microseconds) {
         if (promised.peer == own_id_) return;
-        note(promised.peer, [&](PoseCounts& counts) {
+        note(promised.peer, writer, [&](PoseCounts& counts) {
           ++counts.heard_promises;
           counts.lost_promises += promise_reader_.missed();
         });
@@ -606,20 +607,24 @@ bool DdsChannel::Impl::receive_poses() {
   bool more = pose_reader_.drain(kMaxTaken,
                                  [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
                                    if (poses.peer == own_id_) return;
-                                   note(poses.peer, [&](PoseCounts& counts) {
+                                   note(poses.peer, writer, [&](PoseCounts& counts) {
                                      ++counts.heard_poses;
                                      counts.lost_poses += pose_reader_.missed();
                                    });
                                    heard.push_back({std::move(poses), writer});
                                  });
-  more |= near_reader_.drain(kMaxTaken,
-                             [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
-                               if (poses.peer == own_id_) return;
-                               note(poses.peer, [](PoseCounts& counts) { ++counts.heard_near; });
-                               heard.push_back({std::move(poses), writer, true});
-                             });
+  more |= near_reader_.drain(
+      kMaxTaken, [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
+        if (poses.peer == own_id_) return;
+        note(poses.peer, writer, [](PoseCounts& counts) { ++counts.heard_near; });
+        heard.push_back({std::move(poses), writer, true});
+      });
   more |= more_promised;
   std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);
+  if (const std::uint64_t refused = movers_.take_refused(); refused > 0) {
+    const std::lock_guard lock(mutex_);
+    inbox_.refused_poses += refused;
+  }
   drop_ended();
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));

@@ -35,6 +35,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   // Not before all who came and went are known: one that was lost may be there again.
   if (std::exchange(has_news, false)) settle_contents(complaints);
   stats.refused_headers += inbox.refused_headers;
+  stats.refused_poses += inbox.refused_poses;
   for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);

@@ -726,7 +726,7 @@ typedef struct nearmesh_session_stats {
   uint64_t header_bytes;
   uint64_t requests, looks_ahead;
   uint64_t sequence_gaps;  ///< batches that never came
-  uint64_t audits, audit_bytes, refused_headers;
+  uint64_t audits, audit_bytes, refused_headers, refused_poses;
   uint64_t held_splits, slots, exact_faces, tree_bytes;  ///< now
   uint64_t mesh_bytes;     ///< what whole replicas of the models in use would take
 } nearmesh_session_stats;

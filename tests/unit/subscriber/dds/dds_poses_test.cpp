@@ -93,5 +93,89 @@ TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
   EXPECT_EQ(poses.take({}, false).size(), 1U);
 }
 
+// Robots, numbers of samples and promises are told apart by the session: what is said in its name would stand among its own.
+TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle mover = writer(1, 1), stranger = writer(1, 2);
+  poses.take_directories({}, {{directory_of(0), mover}}, false);
+  poses.take_directories({}, {{directory_of(1, 10), stranger}}, false);
+  EXPECT_TRUE(poses.take({{poses_of(1, 1), stranger}}, false).empty());
+  poses.hear_promises({{promises_of(1), stranger}});
+  EXPECT_TRUE(poses.take_promises().empty());
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
+  EXPECT_TRUE(poses.take({{poses_of(1, 2), stranger}}, false).empty());
+  EXPECT_EQ(poses.take_refused(), 4U);
+  EXPECT_TRUE(poses.may_speak_for(7, mover));
+  EXPECT_FALSE(poses.may_speak_for(7, stranger));
+  const std::vector<std::string> lines = mailbox.take_complaints();
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines[0].find("in the name of peer " + wire::partition_of(7)), std::string::npos)
+      << lines[0];
+  // It may be the peer itself, which joined anew: heard once its old self is missed, and not before.
+  poses.take_directories({{mover, 1, true}}, {}, false);
+  const std::vector<wire::BodyPose> after = poses.take({}, false);
+  ASSERT_EQ(after.size(), 1U);
+  EXPECT_EQ(after[0].body, "body 1");
+  EXPECT_EQ(after[0].sequence, 2U);
+  EXPECT_EQ(poses.take_promises().size(), 1U);
+}
+
+TEST(DdsPoses, OnASecuredBusAnIdentityKeepsItsSessionsThroughWhicheverOfItsPrograms) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", true, 2);
+  const wire::Handle mover = writer(1, 1), anew = writer(1, 2), stranger = writer(2, 3);
+  poses.take_directories({}, {{directory_of(0), mover}, {directory_of(0), anew}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}, {poses_of(0, 2), anew}}, false).size(), 2U);
+  poses.take_directories({{mover, 1, true}, {anew, 1, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  poses.take_directories({}, {{directory_of(1), stranger}}, false);
+  EXPECT_TRUE(poses.take({{poses_of(1, 3), stranger}}, false).empty());
+}
+
+// Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or its lease had ended.
+TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle mover = writer(1, 1);
+  poses.take_directories({}, {{directory_of(0), mover}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
+  static_cast<void>(poses.take_changes());
+  poses.take_directories({{mover, 1, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  EXPECT_EQ(poses.take_changes().at("body 0"), wire::Mover::kLeft);
+  // What was on its way does not bring it back.
+  EXPECT_TRUE(poses.take({{poses_of(0, 2), mover}}, false).empty());
+  EXPECT_TRUE(poses.take_changes().empty());
+  poses.take_directories({{mover, 2, false}}, {}, false);
+  EXPECT_EQ(poses.take({}, false).size(), 1U);
+  EXPECT_EQ(poses.take({{poses_of(0, 3), mover}}, false).size(), 1U);
+  EXPECT_EQ(poses.take_changes().at("body 0"), wire::Mover::kThere);
+  // One that is barred is forgotten.
+  poses.take_directories({{mover, 3, true, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  poses.take_directories({{mover, 4, false}}, {}, false);
+  EXPECT_TRUE(poses.take({{poses_of(0, 4), mover}}, false).empty());
+}
+
+TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  std::uint8_t participant = 0;
+  for (std::size_t told = 0; told < DdsPoses::kMaxParts; told += DdsPoses::kMaxPartsOfOne) {
+    const wire::Handle mover = writer(1, ++participant);
+    std::vector<DdsPoses::HeardDirectory> all;
+    for (std::uint32_t part = 0; part < DdsPoses::kMaxPartsOfOne; ++part)
+      all.push_back({directory_of(part * wire::kBodiesPerPart), mover});
+    poses.take_directories({}, std::move(all), false);
+    poses.take_directories({{mover, 1, true}}, {}, false);
+    EXPECT_TRUE(poses.take({}, false).empty());
+  }
+  const wire::Handle comes = writer(2, 1);
+  poses.take_directories({}, {{directory_of(0), comes}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), comes}}, false).size(), 1U);
+  EXPECT_TRUE(mailbox.take_complaints().empty());
+}
+
 }  // namespace
 }  // namespace nearmesh::subscriber

@@ -62,6 +62,8 @@ class Channel {
     std::vector<wire::Hello> hellos;
     std::vector<Header> headers;        ///< of publishers whose hello came before
     std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
+    std::uint64_t refused_poses =
+        0;  ///< samples of poses, promises and directories in the name of a peer that another participant is
     std::vector<wire::SplitBatchMessage> batches;
     /// A body that another moves, told when its poses begin to count and when it is another one.
     struct Told {

@@ -246,6 +246,8 @@ struct SessionStats {
   std::uint64_t audits = 0,
                 audit_bytes = 0;      ///< blocks that were proved and compared; answers to audits
   std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
+  std::uint64_t refused_poses =
+      0;  ///< samples of poses, promises and directories that a stranger sent in a peer's name
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
