@@ -127,7 +127,6 @@ class DdsChannel::Impl {
   bool receive_hellos();
   bool receive_poses();
   void drop_ended();
-  void deliver_movers();
   template <class Use>
   void note(SessionId peer, const Handle& writer, const Use& use) {
     if (!movers_.may_speak_for(peer, writer)) return;
@@ -636,8 +635,10 @@ bool DdsChannel::Impl::receive_poses() {
     if (!is_of_its_peer(wanted, writer)) return;
     deliver(&Inbox::wanted, std::move(wanted), kMaxWaitingOthers, names_.of<wire::WantedPoses>());
   });
-  for (Inbox::Told& told : movers_.take_bodies())
-    deliver(&Inbox::bodies, std::move(told), kMaxWaitingBodies, names_.of<wire::BodyDirectory>());
+  {
+    const std::lock_guard lock(mutex_);
+    movers_.tell_bodies(inbox_);
+  }
   for (wire::BodyPromise& promise : movers_.take_promises())
     deliver(&Inbox::promises, std::move(promise), kMaxWaitingPoses,
             names_.of<wire::BodyPromises>());
@@ -648,7 +649,8 @@ bool DdsChannel::Impl::receive_poses() {
       kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
         movers_.hear_sign(status.session, writer);
       });
-  deliver_movers();
+  const std::lock_guard lock(mutex_);
+  movers_.tell_movers(inbox_);
   return more;
 }
 
@@ -681,20 +683,6 @@ void DdsChannel::Impl::drop_ended() {
   std::erase_if(inbox_.promises, is_ended);
 }
 
-/// What is known of a body replaces what waited.
-void DdsChannel::Impl::deliver_movers() {
-  bool dropped = false;
-  {
-    const std::lock_guard lock(mutex_);
-    for (const auto& [body, mover] : movers_.take_changes())
-      if (inbox_.movers.size() < wire::BodyBook::kMaxOfAll || inbox_.movers.contains(body))
-        inbox_.movers[body] = mover;
-      else
-        dropped = true;
-  }
-  if (dropped) complain_of_overflow(names_.of<wire::BodyPoses>());
-}
-
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
 void DdsChannel::Impl::tell_lost(SessionId publisher) {
   std::vector<DdsHeaders::Counted> not_taken;
@@ -724,7 +712,10 @@ Status DdsChannel::Impl::rejoin() {
   routes_.clear();
   headers_.clear();
   drop_ended();
-  deliver_movers();
+  {
+    const std::lock_guard lock(mutex_);
+    movers_.tell_movers(inbox_);
+  }
   const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
   forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,
          near_reader_, promise_reader_, wanted_reader_, status_reader_);

@@ -362,7 +362,22 @@ void DdsPoses::tell(const std::string& body, Moved& moved, wire::Mover now) {
   if (std::exchange(moved.mover, now) != now) changes_[body] = now;
 }
 
-std::map<std::string, wire::Mover> DdsPoses::take_changes() { return std::exchange(changes_, {}); }
+void DdsPoses::tell_movers(Channel::Inbox& inbox, std::size_t most) {
+  for (auto& [body, mover] : std::exchange(changes_, {})) inbox.movers[body] = mover;
+  if (inbox.movers.size() <= most) return;
+  inbox.are_all_movers = true;
+  inbox.movers.clear();
+  for (const auto& [body, moved] : moved_) inbox.movers[body] = moved.mover;
+}
+
+void DdsPoses::tell_bodies(Channel::Inbox& inbox, std::size_t most) {
+  for (Channel::Inbox::Told& told : std::exchange(told_, {}))
+    inbox.bodies.push_back(std::move(told));
+  if (inbox.bodies.size() <= most) return;
+  inbox.are_all_bodies = true;
+  inbox.bodies.clear();
+  for (const auto& [body, moved] : moved_) inbox.bodies.push_back({moved.body, false});
+}
 
 void DdsPoses::clear() {
   sources_.clear();

@@ -87,12 +87,13 @@ class DdsPoses {
   void hear_sign(wire::SessionId session, const wire::Handle& writer);
   /// With a bus: nobody is known any more.
   void clear();
-  /// What became of the bodies' movers since the last call: of each what holds now.
-  [[nodiscard]] std::map<std::string, wire::Mover> take_changes();
+  /// Adds what became of the bodies' movers since the last call: of each what holds now. Where more than `most` would wait, all that are there
+  /// take their place: nothing is lost however long the host takes nothing.
+  void tell_movers(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
+  /// The same of bodies whose poses count that came, went or became other ones.
+  void tell_bodies(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
   /// Bodies that somebody moved and moves no more, since the last call: what was said of them before take() counts no more.
   [[nodiscard]] std::set<std::string> take_ended() { return std::exchange(ended_, {}); }
-  /// Bodies whose poses count that came, went or became other ones since the last call.
-  [[nodiscard]] std::vector<Channel::Inbox::Told> take_bodies() { return std::exchange(told_, {}); }
 
  private:
   struct Moved {

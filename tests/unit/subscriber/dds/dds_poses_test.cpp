@@ -133,6 +133,12 @@ TEST(DdsPoses, OnASecuredBusAnIdentityKeepsItsSessionsThroughWhicheverOfItsProgr
   EXPECT_TRUE(poses.take({{poses_of(1, 3), stranger}}, false).empty());
 }
 
+std::map<std::string, wire::Mover> changes_of(DdsPoses& poses) {
+  Channel::Inbox inbox;
+  poses.tell_movers(inbox);
+  return inbox.movers;
+}
+
 // Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or its lease had ended.
 TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
   wire::Mailbox mailbox;
@@ -140,17 +146,17 @@ TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
   const wire::Handle mover = writer(1, 1);
   poses.take_directories({}, {{directory_of(0), mover}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
-  static_cast<void>(poses.take_changes());
+  static_cast<void>(changes_of(poses));
   poses.take_directories({{mover, 1, true}}, {}, false);
   EXPECT_TRUE(poses.take({}, false).empty());
-  EXPECT_EQ(poses.take_changes().at("body 0"), wire::Mover::kLeft);
+  EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kLeft);
   // What was on its way does not bring it back.
   EXPECT_TRUE(poses.take({{poses_of(0, 2), mover}}, false).empty());
-  EXPECT_TRUE(poses.take_changes().empty());
+  EXPECT_TRUE(changes_of(poses).empty());
   poses.take_directories({{mover, 2, false}}, {}, false);
   EXPECT_EQ(poses.take({}, false).size(), 1U);
   EXPECT_EQ(poses.take({{poses_of(0, 3), mover}}, false).size(), 1U);
-  EXPECT_EQ(poses.take_changes().at("body 0"), wire::Mover::kThere);
+  EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kThere);
   // One that is barred is forgotten.
   poses.take_directories({{mover, 3, true, true}}, {}, false);
   EXPECT_TRUE(poses.take({}, false).empty());
@@ -175,6 +181,38 @@ TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
   poses.take_directories({}, {{directory_of(0), comes}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), comes}}, false).size(), 1U);
   EXPECT_TRUE(mailbox.take_complaints().empty());
+}
+
+// Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who left is taken to be there.
+TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  constexpr std::size_t kMost = 10;
+  Channel::Inbox inbox;
+  const wire::Handle stays = writer(1, 1);
+  poses.take_directories({}, {{directory_of(0), stays}}, false);
+  for (std::uint8_t i = 2; i < 60; ++i) {
+    const wire::Handle mover = writer(1, i);
+    wire::BodyDirectory directory = directory_of(i * wire::kBodiesPerPart);
+    wire::BodyPoses said = poses_of(i * wire::kBodiesPerPart, 1);
+    directory.peer = said.peer = i;
+    poses.take_directories({}, {{directory, mover}}, false);
+    EXPECT_EQ(poses.take({{poses_of(0, i), stays}, {said, mover}}, false).size(), 2U);
+    poses.tell_bodies(inbox, kMost);
+    poses.tell_movers(inbox, kMost);
+    poses.take_directories({{mover, 1, true}}, {}, false);
+    EXPECT_TRUE(poses.take({}, false).empty());
+    poses.tell_bodies(inbox, kMost);
+    poses.tell_movers(inbox, kMost);
+    EXPECT_LE(inbox.bodies.size(), kMost);
+    EXPECT_LE(inbox.movers.size(), kMost);
+  }
+  EXPECT_TRUE(inbox.are_all_bodies);
+  EXPECT_TRUE(inbox.are_all_movers);
+  EXPECT_TRUE(inbox.movers.contains("body 0"));
+  for (const auto& [body, mover] : inbox.movers)
+    EXPECT_EQ(mover, body == "body 0" ? wire::Mover::kThere : wire::Mover::kLeft) << body;
+  EXPECT_EQ(inbox.bodies.front().body.name, "body 0");
 }
 
 }  // namespace
