@@ -27,7 +27,7 @@ TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) 
       directory.bodies.push_back({number, "body " + std::to_string(i), "m"});
       wire::BodyPoses said{.peer = 7, .part = directory.part, .sequence = i + 1};
       said.bodies.push_back({.number = number});
-      poses.take_directories({}, {{directory, mover}}, false);
+      poses.take_directories({{mover, 1, false}}, {{directory, mover}}, false);
       ASSERT_EQ(poses.take({{said, mover}}, false).size(), 1U) << "body " << i;
       if (is_removed) {
         poses.take_directories({}, {{nobody, mover}}, false);
@@ -195,7 +195,7 @@ TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
     const wire::Handle mover = writer(1, i);
     wire::BodyDirectory directory = directory_of(i * wire::kBodiesPerPart);
     wire::BodyPoses said = poses_of(i * wire::kBodiesPerPart, 1);
-    directory.peer = said.peer = i;
+    directory.peer = said.peer = 100U + i;
     poses.take_directories({}, {{directory, mover}}, false);
     EXPECT_EQ(poses.take({{poses_of(0, i), stays}, {said, mover}}, false).size(), 2U);
     poses.tell_bodies(inbox, kMost);
