@@ -3,11 +3,6 @@
 
 namespace nearmesh::wire {
 
-namespace {
-/// Leading bytes of a participant's identifier that an identity decides.
-constexpr std::size_t kIdentityBytes = 6;
-}  // namespace
-
 BodyBook::Owner BodyBook::owner_of(const Handle& writer) const {
   Owner owner{};
   const std::size_t count = authenticated_ ? kIdentityBytes : owner.size();

@@ -16,6 +16,9 @@
 
 namespace nearmesh::wire {
 
+/// Leading bytes of a participant's identifier that an identity decides, on a secured bus.
+inline constexpr std::size_t kIdentityBytes = 6;
+
 class BodyBook {
  public:
   using Handle = wire::Handle;

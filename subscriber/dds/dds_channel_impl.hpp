@@ -112,9 +112,9 @@ class DdsChannel::Impl {
   bool receive_hellos();
   bool receive_poses();
   void drop_ended();
-  void deliver_movers();
   template <class Use>
-  void note(SessionId peer, const Use& use) {
+  void note(SessionId peer, const Handle& writer, const Use& use) {
+    if (!movers_.may_speak_for(peer, writer)) return;
     const std::lock_guard lock(mutex_);
     PoseCounts* const known = tally_.use(peer);
     use(known != nullptr ? *known : *tally_.put(peer, {}));

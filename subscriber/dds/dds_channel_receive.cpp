@@ -109,7 +109,7 @@ bool DdsChannel::Impl::receive_poses() {
   bool more_promised = promise_reader_.drain(
       kMaxTaken, [&](wire::BodyPromises&& promised, const Handle& writer, Microseconds) {
         if (promised.peer == own_id_) return;
-        note(promised.peer, [&](PoseCounts& counts) {
+        note(promised.peer, writer, [&](PoseCounts& counts) {
           ++counts.heard_promises;
           counts.lost_promises += promise_reader_.missed();
         });
@@ -120,20 +120,24 @@ bool DdsChannel::Impl::receive_poses() {
   bool more = pose_reader_.drain(kMaxTaken,
                                  [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
                                    if (poses.peer == own_id_) return;
-                                   note(poses.peer, [&](PoseCounts& counts) {
+                                   note(poses.peer, writer, [&](PoseCounts& counts) {
                                      ++counts.heard_poses;
                                      counts.lost_poses += pose_reader_.missed();
                                    });
                                    heard.push_back({std::move(poses), writer});
                                  });
-  more |= near_reader_.drain(kMaxTaken,
-                             [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
-                               if (poses.peer == own_id_) return;
-                               note(poses.peer, [](PoseCounts& counts) { ++counts.heard_near; });
-                               heard.push_back({std::move(poses), writer, true});
-                             });
+  more |= near_reader_.drain(
+      kMaxTaken, [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
+        if (poses.peer == own_id_) return;
+        note(poses.peer, writer, [](PoseCounts& counts) { ++counts.heard_near; });
+        heard.push_back({std::move(poses), writer, true});
+      });
   more |= more_promised;
   std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);
+  if (const std::uint64_t refused = movers_.take_refused(); refused > 0) {
+    const std::lock_guard lock(mutex_);
+    inbox_.refused_poses += refused;
+  }
   drop_ended();
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));
@@ -145,8 +149,10 @@ bool DdsChannel::Impl::receive_poses() {
     if (!is_of_its_peer(wanted, writer)) return;
     deliver(&Inbox::wanted, std::move(wanted), kMaxWaitingOthers, names_.of<wire::WantedPoses>());
   });
-  for (Inbox::Told& told : movers_.take_bodies())
-    deliver(&Inbox::bodies, std::move(told), kMaxWaitingBodies, names_.of<wire::BodyDirectory>());
+  {
+    const std::lock_guard lock(mutex_);
+    movers_.tell_bodies(inbox_);
+  }
   for (wire::BodyPromise& promise : movers_.take_promises())
     deliver(&Inbox::promises, std::move(promise), kMaxWaitingPoses,
             names_.of<wire::BodyPromises>());
@@ -157,7 +163,8 @@ bool DdsChannel::Impl::receive_poses() {
       kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
         movers_.hear_sign(status.session, writer);
       });
-  deliver_movers();
+  const std::lock_guard lock(mutex_);
+  movers_.tell_movers(inbox_);
   return more;
 }
 
@@ -188,20 +195,6 @@ void DdsChannel::Impl::drop_ended() {
   const std::lock_guard lock(mutex_);
   std::erase_if(inbox_.poses, is_ended);
   std::erase_if(inbox_.promises, is_ended);
-}
-
-/// What is known of a body replaces what waited.
-void DdsChannel::Impl::deliver_movers() {
-  bool dropped = false;
-  {
-    const std::lock_guard lock(mutex_);
-    for (const auto& [body, mover] : movers_.take_changes())
-      if (inbox_.movers.size() < wire::BodyBook::kMaxOfAll || inbox_.movers.contains(body))
-        inbox_.movers[body] = mover;
-      else
-        dropped = true;
-  }
-  if (dropped) complain_of_overflow(names_.of<wire::BodyPoses>());
 }
 
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.

@@ -188,7 +188,10 @@ Status DdsChannel::Impl::rejoin() {
   routes_.clear();
   headers_.clear();
   drop_ended();
-  deliver_movers();
+  {
+    const std::lock_guard lock(mutex_);
+    movers_.tell_movers(inbox_);
+  }
   const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
   forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,
          near_reader_, promise_reader_, wanted_reader_, status_reader_);

@@ -12,36 +12,108 @@ constexpr double kLook_s = 0.1;
 
 }  // namespace
 
-PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer, std::uint32_t part) {
-  std::array<std::uint8_t, 12> participant{};
+Participant DdsPoses::participant_of(const wire::Handle& writer) {
+  Participant participant{};
   for (std::size_t i = 0; i < participant.size(); ++i) participant[i] = writer.value[i];
-  return {participant, peer, part};
+  return participant;
+}
+
+PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer, std::uint32_t part) {
+  return {participant_of(writer), peer, part};
+}
+
+/// As of bodies (body_book.hpp): on a secured bus an identity, which is more than one of its programs.
+Participant DdsPoses::speaker_of(const wire::Handle& writer) const {
+  Participant speaker = participant_of(writer);
+  if (is_secured_) std::fill(speaker.begin() + wire::kIdentityBytes, speaker.end(), 0);
+  return speaker;
+}
+
+bool DdsPoses::may_speak_for(wire::SessionId session, const wire::Handle& writer) const {
+  const Participant* const known = sessions_.group_of(session);
+  return known == nullptr || *known == speaker_of(writer);
+}
+
+bool DdsPoses::claim_session(wire::SessionId session, const wire::Handle& writer) {
+  if (may_speak_for(session, writer)) {
+    if (sessions_.use(session) == nullptr) sessions_.put(session, {}, speaker_of(writer));
+    return true;
+  }
+  ++refused_;
+  const std::pair stranger(session, participant_of(writer));
+  if (strangers_.use(stranger) == nullptr) {
+    strangers_.put(stranger, {});
+    mailbox_.complain(topic_ + ": what " + wire::name_of(writer, mailbox_) +
+                      " says of bodies in the name of peer " + wire::partition_of(session) +
+                      " is ignored: that is another participant, and is there");
+  }
+  return false;
 }
 
 void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& matches,
                                 std::vector<HeardDirectory> heard, bool more) {
-  for (const auto& event : matches)
-    if (event.gone) {
-      gone_tellers_.push_back(event.writer);
-      gone_movers_.emplace_back(event.writer,
-                                event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
+  for (const auto& event : matches) {
+    if (!event.gone) {
+      find_teller(event.writer);
+      continue;
     }
+    gone_tellers_.emplace_back(event.writer, event.barred);
+    gone_movers_.emplace_back(event.writer,
+                              event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
+  }
   for (HeardDirectory& one : heard) know(std::move(one));
   if (more) return;
-  for (const wire::Handle& gone : std::exchange(gone_tellers_, {})) {
-    std::erase_if(parts_, [&](const auto& entry) { return entry.second.writer == gone; });
-    part_counts_.erase(gone);
-    over_full_.erase(gone);
+  for (const auto& [gone, is_barred] : std::exchange(gone_tellers_, {}))
+    lose_teller(gone, is_barred);
+}
+
+/// It has fallen silent, or its lease is over. When it is found again Fast DDS does not send what was sent before.
+void DdsPoses::lose_teller(const wire::Handle& writer, bool is_barred) {
+  if (is_barred) {
+    forget_teller(writer);
+    return;
   }
+  for (auto& [key, part] : parts_)
+    if (part.writer == writer) part.is_absent = true;
+  if (is_absent(writer)) return;
+  if (absent_.size() == kMaxAbsent) forget_teller(absent_.front());
+  absent_.push_back(writer);
+}
+
+void DdsPoses::find_teller(const wire::Handle& writer) {
+  std::erase_if(gone_tellers_, [&](const auto& gone) { return gone.first == writer; });
+  if (!is_absent(writer)) return;
+  std::erase(absent_, writer);
+  for (auto& [key, part] : parts_) {
+    if (part.writer != writer) continue;
+    part.is_absent = false;
+    told_parts_.push_back(key);
+  }
+}
+
+void DdsPoses::forget_teller(wire::Handle writer) {
+  std::erase_if(parts_, [&](const auto& entry) { return entry.second.writer == writer; });
+  part_counts_.erase(writer);
+  over_full_.erase(writer);
+  std::erase(absent_, writer);
+}
+
+bool DdsPoses::is_absent(const wire::Handle& writer) const {
+  return std::find(absent_.begin(), absent_.end(), writer) != absent_.end();
 }
 
 /// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins late hears of each.
 void DdsPoses::know(HeardDirectory&& heard) {
   const wire::BodyDirectory& directory = heard.directory;
+  // Of a stranger it is kept all the same: a peer that joined anew says it once, and its old self may not be missed yet.
+  const bool is_of_absent = is_absent(heard.writer);
+  if (!directory.bodies.empty() && !is_of_absent)
+    static_cast<void>(claim_session(directory.peer, heard.writer));
   const PartKey key = key_of(heard.writer, directory.peer, directory.part);
   const auto known = parts_.find(key);
   if (known == parts_.end()) {
     if (directory.bodies.empty()) return;
+    while (parts_.size() >= kMaxParts && !absent_.empty()) forget_teller(absent_.front());
     std::size_t& count = part_counts_[heard.writer];
     if (count >= kMaxPartsOfOne || parts_.size() >= kMaxParts) {
       if (over_full_.insert(heard.writer).second)
@@ -60,7 +132,7 @@ void DdsPoses::know(HeardDirectory&& heard) {
     parts_.erase(known);
     return;
   }
-  parts_[key] = {heard.writer, std::move(heard.directory.bodies)};
+  parts_[key] = {heard.writer, std::move(heard.directory.bodies), is_of_absent};
   told_parts_.push_back(key);
 }
 
@@ -94,7 +166,7 @@ void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
 std::pair<const wire::BodyDirectory::Body*, const DdsPoses::Part*> DdsPoses::find(
     const wire::Handle& writer, wire::SessionId peer, std::uint32_t number) const {
   const auto part = parts_.find(key_of(writer, peer, number / wire::kBodiesPerPart));
-  if (part == parts_.end()) return {};
+  if (part == parts_.end() || part->second.is_absent) return {};
   for (const wire::BodyDirectory::Body& told : part->second.bodies)
     if (told.number == number) return {&told, &part->second};
   return {};
@@ -151,10 +223,11 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
   for (const auto& gone : std::exchange(gone_movers_, {})) {
     const wire::Handle& writer = gone.first;
     bodies_.forget(writer);
+    if (!is_secured_) sessions_.erase_group(speaker_of(writer));
     lost.merge(lose(writer, gone.second));
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
-    const auto participant = std::get<0>(key_of(writer, 0, 0));
+    const Participant participant = participant_of(writer);
     unnamed_.erase_group(participant);
     unnamed_promises_.erase_group(participant);
   }
@@ -217,6 +290,7 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
 
 bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionId peer,
                            const wire::Handle& writer) {
+  if (!claim_session(peer, writer)) return false;
   const wire::BodyBook::Claim claim = bodies_.claim(body.name, writer);
   if (claim != wire::BodyBook::Claim::kOwn) {
     if (!contested_.contains(body.name) && !contested_promises_.contains(body.name) &&
@@ -288,7 +362,22 @@ void DdsPoses::tell(const std::string& body, Moved& moved, wire::Mover now) {
   if (std::exchange(moved.mover, now) != now) changes_[body] = now;
 }
 
-std::map<std::string, wire::Mover> DdsPoses::take_changes() { return std::exchange(changes_, {}); }
+void DdsPoses::tell_movers(Channel::Inbox& inbox, std::size_t most) {
+  for (auto& [body, mover] : std::exchange(changes_, {})) inbox.movers[body] = mover;
+  if (inbox.movers.size() <= most) return;
+  inbox.are_all_movers = true;
+  inbox.movers.clear();
+  for (const auto& [body, moved] : moved_) inbox.movers[body] = moved.mover;
+}
+
+void DdsPoses::tell_bodies(Channel::Inbox& inbox, std::size_t most) {
+  for (Channel::Inbox::Told& told : std::exchange(told_, {}))
+    inbox.bodies.push_back(std::move(told));
+  if (inbox.bodies.size() <= most) return;
+  inbox.are_all_bodies = true;
+  inbox.bodies.clear();
+  for (const auto& [body, moved] : moved_) inbox.bodies.push_back({moved.body, false});
+}
 
 void DdsPoses::clear() {
   sources_.clear();
@@ -298,12 +387,14 @@ void DdsPoses::clear() {
     bodies_.release(body, moved.writer);
   }
   bodies_.clear();
+  if (!is_secured_) sessions_.clear();
   gone_movers_.clear();
   parts_.clear();
   part_counts_.clear();
   unnamed_.clear();
   told_parts_.clear();
   gone_tellers_.clear();
+  absent_.clear();
   over_full_.clear();
   contested_.clear();
   contested_promises_.clear();

@@ -3,18 +3,22 @@
 // Whose poses of a body count: those of the peer that moved it first, until that is gone; and whether that peer is there, which the
 // machine's clock decides: it gave a sign of life each second, a ProcessStatus, and has given none for some. Who never gave one is
 // taken to be there until its writer goes. What a pose's number stands for, the directory of the same peer and participant says. The
-// same holds for promises. A peer is known by the writer of its directory, whichever of its writers speaks.
+// same holds for promises. A peer is known by the writer of its directory, whichever of its writers speaks. A session is who spoke for it
+// first, until that is gone: numbers of bodies, of links and of samples are the session's, so what a stranger says in its name would stand
+// among them.
 // Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
 #include <tuple>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "core/base/lru_map.hpp"
@@ -26,8 +30,9 @@
 
 namespace nearmesh::subscriber {
 
+using Participant = std::array<std::uint8_t, 12>;
 /// A part of a peer's bodies, as one participant tells of it.
-using PartKey = std::tuple<std::array<std::uint8_t, 12>, wire::SessionId, std::uint32_t>;
+using PartKey = std::tuple<Participant, wire::SessionId, std::uint32_t>;
 
 /// Threads: one. The mailbox must outlive it.
 class DdsPoses {
@@ -47,12 +52,15 @@ class DdsPoses {
   };
   /// Parts known of one writer of directories, and of all; as many may wait for theirs.
   static constexpr std::size_t kMaxPartsOfOne = 1024, kMaxParts = 16384;
+  static constexpr std::size_t kMaxStrangers = 256;
+  static constexpr std::size_t kMaxAbsent = 256;  ///< writers of directories that went
 
   /// `silence_s`: without a sign of life for so long a mover is silent; two missed ones at least.
   DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured, double silence_s)
       : mailbox_(mailbox),
         topic_(std::move(topic)),
         silence_s_(std::max(silence_s, 2 * wire::kStatusPeriod_s)),
+        is_secured_(is_secured),
         bodies_(is_secured) {}
 
   /// Directories that came since the last call; before the poses.
@@ -71,16 +79,21 @@ class DdsPoses {
   [[nodiscard]] std::vector<std::pair<wire::SessionId, wire::Handle>> take_movers() {
     return std::exchange(new_movers_, {});
   }
+  /// Whether nobody else than this writer's participant speaks for the session. On a secured bus all programs of an identity may.
+  [[nodiscard]] bool may_speak_for(wire::SessionId session, const wire::Handle& writer) const;
+  /// Samples in the name of a session that another speaks for, since the last call.
+  [[nodiscard]] std::uint64_t take_refused() { return std::exchange(refused_, 0); }
   /// A sign of life of a session, from a writer of its participant's.
   void hear_sign(wire::SessionId session, const wire::Handle& writer);
   /// With a bus: nobody is known any more.
   void clear();
-  /// What became of the bodies' movers since the last call: of each what holds now.
-  [[nodiscard]] std::map<std::string, wire::Mover> take_changes();
+  /// Adds what became of the bodies' movers since the last call: of each what holds now. Where more than `most` would wait, all that are there
+  /// take their place: nothing is lost however long the host takes nothing.
+  void tell_movers(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
+  /// The same of bodies whose poses count that came, went or became other ones.
+  void tell_bodies(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
   /// Bodies that somebody moved and moves no more, since the last call: what was said of them before take() counts no more.
   [[nodiscard]] std::set<std::string> take_ended() { return std::exchange(ended_, {}); }
-  /// Bodies whose poses count that came, went or became other ones since the last call.
-  [[nodiscard]] std::vector<Channel::Inbox::Told> take_bodies() { return std::exchange(told_, {}); }
 
  private:
   struct Moved {
@@ -97,6 +110,7 @@ class DdsPoses {
   struct Part {
     wire::Handle writer;
     std::vector<wire::BodyDirectory::Body> bodies;
+    bool is_absent = false;  ///< its writer is: nothing is named by it until that is found again
   };
   /// One body's pose, and who the body is.
   struct Named {
@@ -112,7 +126,11 @@ class DdsPoses {
   /// What was said last of parts whose directory has not come. Of parts that are gone none comes any more, and in weeks there are many: those
   /// that wait for longest make room.
   template <class Message>
-  using UnnamedParts = LruMap<PartKey, Message, std::array<std::uint8_t, 12>>;  ///< by participant
+  using UnnamedParts = LruMap<PartKey, Message, Participant>;  ///< by participant
+  [[nodiscard]] static Participant participant_of(const wire::Handle& writer);
+  [[nodiscard]] Participant speaker_of(const wire::Handle& writer) const;
+  /// As may_speak_for(); from now on if not before. Where not, that is counted, and said once of each.
+  [[nodiscard]] bool claim_session(wire::SessionId session, const wire::Handle& writer);
   /// What is known of a body, and who tells it; nullptrs where nothing is.
   [[nodiscard]] std::pair<const wire::BodyDirectory::Body*, const Part*> find(
       const wire::Handle& writer, wire::SessionId peer, std::uint32_t number) const;
@@ -124,6 +142,10 @@ class DdsPoses {
   [[nodiscard]] static PartKey key_of(const wire::Handle& writer, wire::SessionId peer,
                                       std::uint32_t part);
   void know(HeardDirectory&& heard);
+  void lose_teller(const wire::Handle& writer, bool is_barred);
+  void find_teller(const wire::Handle& writer);
+  void forget_teller(wire::Handle writer);
+  [[nodiscard]] bool is_absent(const wire::Handle& writer) const;
   void name(Heard&& heard, std::vector<wire::BodyPose>& accepted);
   void change_bodies(wire::SessionId peer, const Part& before,
                      const std::vector<wire::BodyDirectory::Body>& now);
@@ -136,7 +158,13 @@ class DdsPoses {
   wire::Mailbox& mailbox_;
   const std::string topic_;
   const double silence_s_;
+  const bool is_secured_;
   wire::BodyBook bodies_;
+  LruMap<wire::SessionId, std::monostate, Participant> sessions_{kMaxPartsOfOne,
+                                                                 kMaxParts};  ///< by speaker
+  LruMap<std::pair<wire::SessionId, Participant>, std::monostate> strangers_{
+      kMaxStrangers};  ///< of whom that was said
+  std::uint64_t refused_ = 0;
   std::vector<std::pair<wire::Handle, wire::Mover>>
       gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Named> contested_;  ///< of bodies that another owns, the latest
@@ -148,7 +176,10 @@ class DdsPoses {
   std::map<wire::Handle, std::size_t> part_counts_;  ///< by writer of directories
   UnnamedParts<Heard> unnamed_{kMaxPartsOfOne, kMaxParts};
   std::vector<PartKey> told_parts_;  ///< whose directory came since poses were named
-  std::vector<wire::Handle> gone_tellers_;
+  std::vector<std::pair<wire::Handle, bool>> gone_tellers_;  ///< and whether each was barred
+  /// Writers of directories that fell silent or left, the first to go first. What they told is kept: Fast DDS says it once, and they may be found
+  /// again.
+  std::deque<wire::Handle> absent_;
   std::set<wire::Handle> over_full_;  ///< of whom that was said
   std::vector<Channel::Inbox::Told> told_;
   bool has_released_ = false;  ///< a body, since poses were taken

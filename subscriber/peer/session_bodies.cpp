@@ -142,6 +142,27 @@ Status Session::remove_body(BodyId body) {
   return Status::ok();
 }
 
+/// Others hear that the number is gone, and with it all that was said of it. Who has not heard yet rests on what was promised, so `made` stays.
+Status Session::forget_pose(BodyId body) {
+  const FloatGuard guard;
+  Body* lost = impl_->find(body);
+  if (lost == nullptr) return no_such(body);
+  if (!lost->own || lost->links > 1)
+    return {StatusCode::kInvalidArgument,
+            "body " + lost->name + ": expected one that this peer moves, and no link of a robot"};
+  if (!lost->motion) return Status::ok();
+  impl_->untold_parts.insert(part_of(*lost));
+  impl_->own_bodies.erase(impl_->own_from(lost->number));
+  lost->number = impl_->next_number++;
+  impl_->own_bodies.push_back(lost);
+  impl_->untold_parts.insert(part_of(*lost));
+  Impl::forget_pose(*lost);
+  lost->mover = impl_->channel->own_id();
+  lost->is_placed = false;
+  impl_->ask_anew(*lost);
+  return Status::ok();
+}
+
 /// What the host heard of it before it was placed or removed is of no body of that name that is there later.
 void Session::Impl::forget_heard(const Body& body) {
   std::erase_if(heard_by_host, [&](const wire::BodyPose& pose) { return pose.body == body.name; });

@@ -375,6 +375,9 @@ struct Session::Impl {
   void take_inbox(FrameReport& report);
   void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
+  void lose_told(const std::string& name, FrameReport& report);
+  void take_mover(Body& body, wire::Mover mover);
+  void hear_time(double said_s, const std::string& body, std::vector<std::string>& complaints);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
   void forget_gone_movers();

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/base/float_guard.hpp"
 #include "session_impl.hpp"
 
 namespace nearmesh::subscriber {
@@ -97,6 +98,12 @@ Status Session::Impl::check_promised(const Body& own, const Motion& motion, doub
   return Status::ok();
 }
 
+Status Session::check_promised(BodyId body, const Motion& motion, double time_s) const {
+  const FloatGuard guard;
+  const Body* own = impl_->find(body);
+  return own == nullptr ? no_such(body) : impl_->check_promised(*own, motion, time_s);
+}
+
 /// Of all bodies of a part at once, as soon as one is due.
 void Session::Impl::make_promises() {
   if (!has_promised) return;
@@ -147,7 +154,7 @@ void Session::Impl::make_promises() {
 void Session::Impl::take_promises(const Channel::Inbox& inbox,
                                   std::vector<std::string>& complaints) {
   for (const wire::BodyPromise& promise : inbox.promises) {
-    heard_time_s = std::max(heard_time_s.value_or(promise.from_s), promise.from_s);
+    hear_time(promise.from_s, promise.body, complaints);
     hears_promises = true;
     std::uint32_t& last = last_promises[promise.peer];
     if (is_after(promise.sequence, last)) last = promise.sequence;

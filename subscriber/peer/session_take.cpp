@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a session takes in: who serves what, headers, batches, poses of others.
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -35,6 +36,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   // Not before all who came and went are known: one that was lost may be there again.
   if (std::exchange(has_news, false)) settle_contents(complaints);
   stats.refused_headers += inbox.refused_headers;
+  stats.refused_poses += inbox.refused_poses;
   for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
@@ -46,21 +48,32 @@ void Session::Impl::take_inbox(FrameReport& report) {
 
 /// Who asks for discovery later, or declares a body no more, is told of those that came before.
 void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report) {
+  if (inbox.are_all_bodies) {
+    std::set<std::string> all;
+    for (const auto& [entry, is_gone] : inbox.bodies) all.insert(entry.name);
+    for (const auto& [name, entry] : std::map(told_bodies))
+      if (!all.contains(name)) lose_told(name, report);
+  }
   for (const auto& [entry, is_gone] : inbox.bodies) {
-    if (!is_gone) {
-      told_bodies.insert_or_assign(entry.name, entry);
-      if (discovers) take_body(entry, report);
+    if (is_gone) {
+      lose_told(entry.name, report);
       continue;
     }
-    told_bodies.erase(entry.name);
-    const auto at = named.find(entry.name);
-    if (at == named.end() || !find(at->second)->is_discovered) continue;
-    report.went.push_back(at->second);
-    remove_body(*find(at->second));
+    told_bodies.insert_or_assign(entry.name, entry);
+    if (discovers) take_body(entry, report);
   }
   if (!discovers || !std::exchange(looks_at_told, false)) return;
   for (const auto& [name, entry] : told_bodies)
     if (!named.contains(name)) take_body(entry, report);
+}
+
+/// Its mover moves it no more.
+void Session::Impl::lose_told(const std::string& name, FrameReport& report) {
+  told_bodies.erase(name);
+  const auto at = named.find(name);
+  if (at == named.end() || !find(at->second)->is_discovered) return;
+  report.went.push_back(at->second);
+  remove_body(*find(at->second));
 }
 
 /// What the host declared stays as it is.
@@ -102,9 +115,23 @@ void Session::Impl::forget_gone_movers() {
     std::erase_if(*last, [&](const auto& entry) { return !movers.contains(entry.first); });
 }
 
+/// Others may go on from it with their own clocks, and one word must not take these beyond all times.
+void Session::Impl::hear_time(double said_s, const std::string& body,
+                              std::vector<std::string>& complaints) {
+  if (std::abs(said_s) <= wire::kMaxFollowed_s) {
+    heard_time_s = std::max(heard_time_s.value_or(said_s), said_s);
+    return;
+  }
+  if (++stats.strange_times > 1) return;
+  complaints.push_back("of body " + body + " is said where it is at " + std::to_string(said_s) +
+                       " s: expected a time of the exercise within " +
+                       std::to_string(wire::kMaxFollowed_s) +
+                       " s of 0, no clock goes on from this one; this is said once");
+}
+
 void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {
   for (const wire::BodyPose& pose : inbox.poses) {
-    heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
+    hear_time(pose.time_s, pose.body, complaints);
     if (pose.sequence != 0 && !pose.is_near) {
       std::uint32_t& last = last_pose_samples[pose.peer];
       if (is_after(pose.sequence, last)) last = pose.sequence;
@@ -117,15 +144,20 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
   }
   take_promises(inbox, complaints);
   forget_gone_movers();
-  for (const auto& [name, mover] : inbox.movers) {
-    const auto at = named.find(name);
-    if (at == named.end()) continue;
-    Body& body = *find(at->second);
-    const bool is_of_another = !body.own && !body.is_placed;
-    if (is_of_another && mover == wire::Mover::kLeft) forget_robot(body);
-    if (is_of_another && body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
-    if (is_of_another && body.promiser != wire::Mover::kNone) body.promiser = mover;
+  for (const auto& [name, mover] : inbox.movers)
+    if (const auto at = named.find(name); at != named.end()) take_mover(*find(at->second), mover);
+  if (!inbox.are_all_movers) return;
+  for (Body* body : present) {
+    const bool is_of_bus = body->posed_by != 0 || body->promiser != wire::Mover::kNone;
+    if (is_of_bus && !inbox.movers.contains(body->name)) take_mover(*body, wire::Mover::kLeft);
   }
+}
+
+void Session::Impl::take_mover(Body& body, wire::Mover mover) {
+  if (body.own || body.is_placed) return;
+  if (mover == wire::Mover::kLeft) forget_robot(body);
+  if (body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
+  if (body.promiser != wire::Mover::kNone) body.promiser = mover;
 }
 
 void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints) {

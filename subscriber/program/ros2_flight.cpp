@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ros2_marks.hpp"
 
@@ -19,6 +20,23 @@ std::int64_t stamp_after(std::int64_t shown_ns, std::int64_t heard_ns) {
   constexpr std::int64_t kAnew_ns = 1'000'000'000;
   if (heard_ns == 0) return shown_ns;
   return heard_ns > shown_ns || shown_ns - heard_ns > kAnew_ns ? heard_ns : shown_ns;
+}
+
+void Ros2Jumps::take_out(Session& session, double time_s, std::vector<Session::OwnMotion>& motions,
+                         std::vector<std::string>& complaints) {
+  std::erase_if(motions, [&](const Session::OwnMotion& own) {
+    const Status kept = session.check_promised(own.body, own.motion, time_s);
+    if (kept.is_ok()) {
+      jumped_.erase(own.body);
+      return false;
+    }
+    if (!jumped_.insert(own.body).second) return true;
+    const Status forgotten = session.forget_pose(own.body);
+    complaints.push_back("ros2: " + kept.message() +
+                         (forgotten.is_ok() ? "; nothing about it is certified until these end"
+                                            : "; " + forgotten.message()));
+    return true;
+  });
 }
 
 Result<std::unique_ptr<Ros2Flight>> Ros2Flight::create(const RunOptions& options,
@@ -65,6 +83,12 @@ void Ros2Flight::add_motions(std::vector<Session::OwnMotion>& motions) {
       if (moved == heard.moved)
         motions.push_back({BodyId{static_cast<std::uint32_t>(body)}, heard.motion});
   }
+}
+
+std::vector<std::string> Ros2Flight::take_complaints() {
+  std::vector<std::string> all = std::exchange(complaints_, {});
+  for (std::string& line : bridge_->take_complaints()) all.push_back(std::move(line));
+  return all;
 }
 
 /// Those of which it is known where they are now. One that falls silent is not shown where it was.

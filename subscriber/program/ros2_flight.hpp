@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "commands.hpp"
@@ -19,6 +20,19 @@ namespace nearmesh::subscriber::program {
 /// begun anew, as a simulator's does that is reset, or follows one that was ahead of it.
 [[nodiscard]] std::int64_t stamp_after(std::int64_t shown_ns, std::int64_t heard_ns);
 
+/// Bodies that ROS 2 has farther from where they were than others were promised, as where a robot finds out that it is elsewhere, or a simulator is
+/// reset. Threads: one.
+class Ros2Jumps {
+ public:
+  /// Takes these out of the motions: of such a body nothing is certified until its motions are in keeping with all that was promised, at the
+  /// latest when the last of the promises has ended. One line where it begins.
+  void take_out(Session& session, double time_s, std::vector<Session::OwnMotion>& motions,
+                std::vector<std::string>& complaints);
+
+ private:
+  std::set<BodyId> jumped_;
+};
+
 class Ros2Flight {
  public:
   /// Nothing where neither flag was given. Errors: kInvalidArgument naming the body; those of Ros2Bridge::create.
@@ -29,10 +43,14 @@ class Ros2Flight {
   [[nodiscard]] bool moves(std::size_t body) const;
   /// Adds those that were heard since the last call.
   void add_motions(std::vector<Session::OwnMotion>& motions);
+  /// Before each update: as Ros2Jumps.
+  void take_out_jumps(Session& session, double time_s, std::vector<Session::OwnMotion>& motions) {
+    jumps_.take_out(session, time_s, motions, complaints_);
+  }
   /// After each update. Shows it, at most `kMostShown_hz` times a second.
   void show(const FrameReport& report, const Session& session);
   /// What is wrong, one line each.
-  [[nodiscard]] std::vector<std::string> take_complaints() { return bridge_->take_complaints(); }
+  [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] Ros2Bridge::Counts counts() const { return bridge_->counts(); }
 
  private:
@@ -52,6 +70,8 @@ class Ros2Flight {
   const Scene& scene_;
   std::unique_ptr<Ros2Bridge> bridge_;
   std::map<std::size_t, std::size_t> moved_;  ///< place in the scene: place in --ros2-poses
+  Ros2Jumps jumps_;
+  std::vector<std::string> complaints_;
   std::map<BodyId, Shown> bodies_;
   std::map<std::pair<BodyId, BodyId>, std::int32_t> pairs_;  ///< numbers of markers
   std::int32_t numbered_ = 0;

@@ -207,10 +207,11 @@ class Flight {
     return Status::ok();
   }
 
-  Result<FrameReport> update(std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
+  Result<FrameReport> update(std::uint64_t frame, std::vector<Session::OwnMotion> motions,
                              double budget_s) {
     exercise_.follow(session_.heard_time_s());
     time_s_ = exercise_.now_s();
+    if (ros2_ != nullptr) ros2_->take_out_jumps(session_, time_s_, motions);
     update_clock_ = {};
     auto report = session_.update(frame, time_s_, motions, budget_s);
     if (report.is_ok()) {

@@ -168,6 +168,8 @@ class MemoryBus {
   }
   /// What becomes of who moves bodies: the others hear it of all that it has moved.
   void tell_of_mover(wire::SessionId id, wire::Mover what);
+  /// What the peer takes next of what is never delayed, for a test to add to.
+  [[nodiscard]] subscriber::Channel::Inbox& inbox_of(wire::SessionId peer);
   /// True: a channel that goes away is not noticed before lose_publisher says so.
   bool keep_quiet = false;
   /// No answer is larger, whatever a peer asks for: a flight then takes many.
@@ -415,6 +417,10 @@ inline void MemoryBus::tell_of_mover(wire::SessionId id, wire::Mover what) {
     if (what == wire::Mover::kLeft) forget_said(box, id);
     for (const std::string& body : moved_[id]) box.inbox.movers[body] = what;
   }
+}
+
+inline subscriber::Channel::Inbox& MemoryBus::inbox_of(wire::SessionId peer) {
+  return peers_.at(peer).inbox;
 }
 
 inline void MemoryBus::lose_publisher(wire::SessionId id) {

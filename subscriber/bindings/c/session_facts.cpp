@@ -216,7 +216,9 @@ nearmesh_status nearmesh_session_get_stats(nearmesh_session* session,
                       .slots = now.slots,
                       .exact_faces = now.exact_faces,
                       .tree_bytes = now.tree_bytes,
-                      .mesh_bytes = now.mesh_bytes};
+                      .mesh_bytes = now.mesh_bytes,
+                      .refused_poses = now.refused_poses,
+                      .strange_times = now.strange_times};
     *stats = &session->stats;
     return Status::ok();
   });

@@ -18,6 +18,7 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   append(all.lost_publishers, now.lost_publishers);
   append(all.headers, now.headers);
   all.refused_headers += now.refused_headers;
+  all.refused_poses += now.refused_poses;
   append(all.batches, now.batches);
   append(all.bodies, now.bodies);
   append(all.poses, now.poses);

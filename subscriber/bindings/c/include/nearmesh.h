@@ -729,6 +729,8 @@ typedef struct nearmesh_session_stats {
   uint64_t audits, audit_bytes, refused_headers;
   uint64_t held_splits, slots, exact_faces, tree_bytes;  ///< now
   uint64_t mesh_bytes;     ///< what whole replicas of the models in use would take
+  uint64_t refused_poses;  ///< samples about bodies that a stranger sent in a peer's name
+  uint64_t strange_times;  ///< of poses and promises, that no clock of an exercise has
 } nearmesh_session_stats;
 /// Out: valid until the next call of this. Errors: NEARMESH_INVALID_ARGUMENT.
 NEARMESH_API nearmesh_status nearmesh_session_get_stats(nearmesh_session* session,

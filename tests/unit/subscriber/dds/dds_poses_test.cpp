@@ -27,7 +27,7 @@ TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) 
       directory.bodies.push_back({number, "body " + std::to_string(i), "m"});
       wire::BodyPoses said{.peer = 7, .part = directory.part, .sequence = i + 1};
       said.bodies.push_back({.number = number});
-      poses.take_directories({}, {{directory, mover}}, false);
+      poses.take_directories({{mover, 1, false}}, {{directory, mover}}, false);
       ASSERT_EQ(poses.take({{said, mover}}, false).size(), 1U) << "body " << i;
       if (is_removed) {
         poses.take_directories({}, {{nobody, mover}}, false);
@@ -91,6 +91,128 @@ TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
     EXPECT_TRUE(poses.take({{poses_of(i * wire::kBodiesPerPart, i + 1), stranger}}, false).empty());
   poses.take_directories({}, {{directory_of(3), waits}}, false);
   EXPECT_EQ(poses.take({}, false).size(), 1U);
+}
+
+// Robots, numbers of samples and promises are told apart by the session: what is said in its name would stand among its own.
+TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle mover = writer(1, 1), stranger = writer(1, 2);
+  poses.take_directories({}, {{directory_of(0), mover}}, false);
+  poses.take_directories({}, {{directory_of(1, 10), stranger}}, false);
+  EXPECT_TRUE(poses.take({{poses_of(1, 1), stranger}}, false).empty());
+  poses.hear_promises({{promises_of(1), stranger}});
+  EXPECT_TRUE(poses.take_promises().empty());
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
+  EXPECT_TRUE(poses.take({{poses_of(1, 2), stranger}}, false).empty());
+  EXPECT_EQ(poses.take_refused(), 4U);
+  EXPECT_TRUE(poses.may_speak_for(7, mover));
+  EXPECT_FALSE(poses.may_speak_for(7, stranger));
+  const std::vector<std::string> lines = mailbox.take_complaints();
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines[0].find("in the name of peer " + wire::partition_of(7)), std::string::npos)
+      << lines[0];
+  // It may be the peer itself, which joined anew: heard once its old self is missed, and not before.
+  poses.take_directories({{mover, 1, true}}, {}, false);
+  const std::vector<wire::BodyPose> after = poses.take({}, false);
+  ASSERT_EQ(after.size(), 1U);
+  EXPECT_EQ(after[0].body, "body 1");
+  EXPECT_EQ(after[0].sequence, 2U);
+  EXPECT_EQ(poses.take_promises().size(), 1U);
+}
+
+TEST(DdsPoses, OnASecuredBusAnIdentityKeepsItsSessionsThroughWhicheverOfItsPrograms) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", true, 2);
+  const wire::Handle mover = writer(1, 1), anew = writer(1, 2), stranger = writer(2, 3);
+  poses.take_directories({}, {{directory_of(0), mover}, {directory_of(0), anew}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}, {poses_of(0, 2), anew}}, false).size(), 2U);
+  poses.take_directories({{mover, 1, true}, {anew, 1, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  poses.take_directories({}, {{directory_of(1), stranger}}, false);
+  EXPECT_TRUE(poses.take({{poses_of(1, 3), stranger}}, false).empty());
+}
+
+std::map<std::string, wire::Mover> changes_of(DdsPoses& poses) {
+  Channel::Inbox inbox;
+  poses.tell_movers(inbox);
+  return inbox.movers;
+}
+
+// Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or its lease had ended.
+TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle mover = writer(1, 1);
+  poses.take_directories({}, {{directory_of(0), mover}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
+  static_cast<void>(changes_of(poses));
+  poses.take_directories({{mover, 1, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kLeft);
+  // What was on its way does not bring it back.
+  EXPECT_TRUE(poses.take({{poses_of(0, 2), mover}}, false).empty());
+  EXPECT_TRUE(changes_of(poses).empty());
+  poses.take_directories({{mover, 2, false}}, {}, false);
+  EXPECT_EQ(poses.take({}, false).size(), 1U);
+  EXPECT_EQ(poses.take({{poses_of(0, 3), mover}}, false).size(), 1U);
+  EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kThere);
+  // One that is barred is forgotten.
+  poses.take_directories({{mover, 3, true, true}}, {}, false);
+  EXPECT_TRUE(poses.take({}, false).empty());
+  poses.take_directories({{mover, 4, false}}, {}, false);
+  EXPECT_TRUE(poses.take({{poses_of(0, 4), mover}}, false).empty());
+}
+
+TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  std::uint8_t participant = 0;
+  for (std::size_t told = 0; told < DdsPoses::kMaxParts; told += DdsPoses::kMaxPartsOfOne) {
+    const wire::Handle mover = writer(1, ++participant);
+    std::vector<DdsPoses::HeardDirectory> all;
+    for (std::uint32_t part = 0; part < DdsPoses::kMaxPartsOfOne; ++part)
+      all.push_back({directory_of(part * wire::kBodiesPerPart), mover});
+    poses.take_directories({}, std::move(all), false);
+    poses.take_directories({{mover, 1, true}}, {}, false);
+    EXPECT_TRUE(poses.take({}, false).empty());
+  }
+  const wire::Handle comes = writer(2, 1);
+  poses.take_directories({}, {{directory_of(0), comes}}, false);
+  EXPECT_EQ(poses.take({{poses_of(0, 1), comes}}, false).size(), 1U);
+  EXPECT_TRUE(mailbox.take_complaints().empty());
+}
+
+// Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who left is taken to be there.
+TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  constexpr std::size_t kMost = 10;
+  Channel::Inbox inbox;
+  const wire::Handle stays = writer(1, 1);
+  poses.take_directories({}, {{directory_of(0), stays}}, false);
+  for (std::uint8_t i = 2; i < 60; ++i) {
+    const wire::Handle mover = writer(1, i);
+    wire::BodyDirectory directory = directory_of(i * wire::kBodiesPerPart);
+    wire::BodyPoses said = poses_of(i * wire::kBodiesPerPart, 1);
+    directory.peer = said.peer = 100U + i;
+    poses.take_directories({}, {{directory, mover}}, false);
+    EXPECT_EQ(poses.take({{poses_of(0, i), stays}, {said, mover}}, false).size(), 2U);
+    poses.tell_bodies(inbox, kMost);
+    poses.tell_movers(inbox, kMost);
+    poses.take_directories({{mover, 1, true}}, {}, false);
+    EXPECT_TRUE(poses.take({}, false).empty());
+    poses.tell_bodies(inbox, kMost);
+    poses.tell_movers(inbox, kMost);
+    EXPECT_LE(inbox.bodies.size(), kMost);
+    EXPECT_LE(inbox.movers.size(), kMost);
+  }
+  EXPECT_TRUE(inbox.are_all_bodies);
+  EXPECT_TRUE(inbox.are_all_movers);
+  EXPECT_TRUE(inbox.movers.contains("body 0"));
+  for (const auto& [body, mover] : inbox.movers)
+    EXPECT_EQ(mover, body == "body 0" ? wire::Mover::kThere : wire::Mover::kLeft) << body;
+  EXPECT_EQ(inbox.bodies.front().body.name, "body 0");
 }
 
 }  // namespace

@@ -94,6 +94,21 @@ TEST_F(Discovery, ABodyThatIsRemovedGoesAndOneWhoseMoverLeftStaysUnknown) {
   EXPECT_EQ(report.unknown_pairs, 0U);
 }
 
+// A host that took nothing for long is told of all bodies that are there, not of each that came and went.
+TEST_F(Discovery, ABodyThatIsNotAmongAllThatAreThereGoes) {
+  world_.round(*one_, 1, {{test::kOne, flight_.one[0]}});
+  world_.round(*two_, 1, {{test::kTwo, flight_.two[0]}});
+  for (int i = 0; i < 20; ++i) look();
+  ASSERT_EQ(came_.size(), 2U);
+  auto& inbox = world_.bus.inbox_of(kLooksOn);
+  inbox.are_all_bodies = true;
+  inbox.bodies.push_back({{.number = 0, .name = "two", .model = "aircraft"}, false});
+  const FrameReport report = look();
+  EXPECT_EQ(came_.size(), 2U);
+  ASSERT_EQ(report.went, std::vector<BodyId>{BodyId{0}});
+  EXPECT_EQ(watcher_->name_of(BodyId{1}), "two");
+}
+
 TEST_F(Discovery, ABodyThatBecomesAnotherOneIsUnknownUntilItsNextPose) {
   world_.round(*one_, 1, {{test::kOne, flight_.one[0]}});
   world_.round(*two_, 1, {{test::kTwo, flight_.two[0]}});

@@ -104,6 +104,21 @@ TEST_F(MovedByAnother, WhatIsSilentIsUncertainUntilItGivesASignOfLife) {
   EXPECT_TRUE(is_sure(world_.round(*watcher_, 9), kOneTwo));
 }
 
+// A host that took nothing for long is told of all movers that are there, not of each that came and went.
+TEST_F(MovedByAnother, WhoIsNotAmongAllMoversThatAreThereHasLeft) {
+  join();
+  ASSERT_TRUE(is_sure(fly(0, 10).back(), kOneTwo));
+  world_.bus.inbox_of(kPeer).are_all_movers = true;
+  world_.bus.inbox_of(kPeer).movers["one"] = wire::Mover::kThere;
+  EXPECT_TRUE(is_sure(world_.round(*watcher_, 9), kOneTwo));
+  world_.bus.inbox_of(kPeer).are_all_movers = true;
+  const FrameReport gone = world_.round(*watcher_, 9);
+  for (const std::size_t pair : {kGroundOne, kOneTwo})
+    EXPECT_EQ(gone.answers[pair].reason, "the peer that moves body one has left");
+  EXPECT_TRUE(is_sure(gone, kGroundTwo));
+  EXPECT_TRUE(is_sure(fly(10, 12).back(), kOneTwo));
+}
+
 TEST_F(MovedByAnother, AtRestItStaysCertifiedForAMinute) {
   join();
   const auto listener = world_.bus.make_peer(kListener);
@@ -222,6 +237,22 @@ TEST_F(PoseOf, OfTheFutureIsHeldToTheSameLimit) {
   EXPECT_EQ(at(10).reason,
             "the pose of body other is 2.5 s ahead of the frame's time, more than 2 s");
   EXPECT_EQ(host_->session->heard_time_s(), 12.5);
+}
+
+// Whoever goes on from what is heard would be past all times for ever, by one word of anybody's.
+TEST_F(PoseOf, ATimeThatNoExerciseHasIsNotToBeFollowed) {
+  make();
+  deliver(12.5);
+  static_cast<void>(at(10));
+  for (const double strange_s : {0.999 * wire::kMaxTime_s, 2 * wire::kMaxFollowed_s}) {
+    deliver(strange_s);
+    EXPECT_FALSE(is_certified(at(10).answer.status));
+    EXPECT_EQ(host_->session->heard_time_s(), 12.5);
+  }
+  EXPECT_EQ(host_->session->stats().strange_times, 2U);
+  deliver(wire::kMaxFollowed_s);
+  static_cast<void>(at(10));
+  EXPECT_EQ(host_->session->heard_time_s(), wire::kMaxFollowed_s);
 }
 
 TEST_F(PoseOf, AnOwnBodyIsOfNowAtRestAndAgesInMotion) {

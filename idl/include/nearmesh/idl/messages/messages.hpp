@@ -40,6 +40,9 @@ inline constexpr double kMaxTime_s = 1e11;
 [[nodiscard]] constexpr bool is_time(double time_s) {
   return time_s >= -kMaxTime_s && time_s <= kMaxTime_s;  // false for what is no number
 }
+/// Who goes on from a time that others say does so from one within so many seconds of 0, 300 years: from there a clock runs for 2,800 years
+/// before its times are refused.
+inline constexpr double kMaxFollowed_s = 1e10;
 
 /// When a content begins to stand for its name.
 struct Epoch {

@@ -42,7 +42,6 @@ class DdsChannel final : public Channel {
   static constexpr std::size_t kMaxWaitingBatches = 16384;  ///< about 20 MB
   static constexpr std::size_t kMaxWaitingOthers = 4096;
   static constexpr std::size_t kMaxWaitingPoses = 4 * kMaxWaitingOthers;
-  static constexpr std::size_t kMaxWaitingBodies = 65536;  ///< that others tell of
   static constexpr std::size_t kMaxWaitingHeaderBytes = 64U << 20;
   /// What may wait to be sent, each kind; the oldest beyond are dropped with a complaint.
   static constexpr std::size_t kMaxOutgoing = 4096;

@@ -62,6 +62,8 @@ class Channel {
     std::vector<wire::Hello> hellos;
     std::vector<Header> headers;        ///< of publishers whose hello came before
     std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
+    std::uint64_t refused_poses =
+        0;  ///< samples of poses, promises and directories in the name of a peer that another participant is
     std::vector<wire::SplitBatchMessage> batches;
     /// A body that another moves, told when its poses begin to count and when it is another one.
     struct Told {
@@ -69,13 +71,16 @@ class Channel {
       bool is_gone = false;  ///< its mover has removed it
     };
     std::vector<Told> bodies;  ///< take these before the poses
+    /// Too many would have waited: what was told before is void, and whoever is not among `bodies` is gone.
+    bool are_all_bodies = false;
     /// Of bodies that others move. Of one whose mover has left or removed it since, nothing of before: another of its name may be there.
     std::vector<wire::BodyPose> poses;
     std::vector<wire::BodyPromise> promises;
     std::vector<wire::WantedPoses> wanted;  ///< of bodies that this peer moves
     /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after poses and promises.
     std::map<std::string, wire::Mover> movers;
-    bool recorder_came = false;  ///< one that may have missed what came before
+    bool are_all_movers = false;  ///< the same: who is not among them has left
+    bool recorder_came = false;   ///< one that may have missed what came before
     std::vector<std::string>
         complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };

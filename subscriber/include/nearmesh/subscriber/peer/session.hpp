@@ -246,6 +246,10 @@ struct SessionStats {
   std::uint64_t audits = 0,
                 audit_bytes = 0;      ///< blocks that were proved and compared; answers to audits
   std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
+  std::uint64_t refused_poses =
+      0;  ///< samples of poses, promises and directories that a stranger sent in a peer's name
+  /// Poses and promises of others for times that heard_time_s() leaves out.
+  std::uint64_t strange_times = 0;
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
@@ -291,6 +295,13 @@ class Session {
   /// The body is there no more, nor are its pairs; its name is free again. Detail of a model that no body uses is given up.
   /// A link takes all links of its robot with it. Errors: kNotFound.
   [[nodiscard]] Status remove_body(BodyId body);
+  /// Where an own body is cannot be said, as of one that jumped out of where others were promised it stays: to them its name is another body's from
+  /// now on, and nothing about it is certified, here or there, until update() is given its motion. Errors: kNotFound, kInvalidArgument (a body that
+  /// others move, a link).
+  [[nodiscard]] Status forget_pose(BodyId body);
+  /// Whether update() would take the motion of an own body at that time, for all that others were promised of where it stays. Errors: kNotFound;
+  /// kInvalidArgument as update().
+  [[nodiscard]] Status check_promised(BodyId body, const Motion& motion, double time_s) const;
   /// From now on the body has another model; where it is stays. `content` as in BodyOptions. Errors: those of add_body, kNotFound.
   [[nodiscard]] Status replace_model(BodyId body, const std::string& model,
                                      const ContentHash& content = {});
@@ -329,7 +340,7 @@ class Session {
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, seconds, at most wire::kMaxTime_s (1e11) from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
-  /// is removed, and another. So are motions of some links of a robot, without the others'.
+  /// is removed, and another, or one whose pose was forgotten until the promises have ended. So are motions of some links of a robot, without the others'.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time, a budget below 0, and the options that
   /// check() refuses; nothing was changed then. kConflict where the session is half-way, see above.
   /// Threads: one at a time. Never blocks.
@@ -389,7 +400,7 @@ class Session {
   /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
   [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
   /// The latest time that a pose of another peer had, whatever its body: for who has no clock of the exercise and follows
-  /// that of the others.
+  /// that of the others. Within wire::kMaxFollowed_s (1e10) of 0: later ones are counted and complained of, and may be anybody's mistake.
   [[nodiscard]] std::optional<double> heard_time_s() const;
   /// As of the last full second of update(), which also sends it to whoever asks on the bus.
   [[nodiscard]] const wire::ProcessStatus& status() const;
