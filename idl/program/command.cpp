@@ -51,7 +51,8 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
       "transport",
       [&transport](const std::string& name) { transport.transport = *wire::transport_of(name); },
       [&transport] { return std::string(wire::to_string(transport.transport)); },
-      "How bytes travel, and which settings go with that: docs/operate.md, Transports", transport_names(),
+      "How bytes travel, and which settings go with that: docs/operate.md, Transports",
+      transport_names(),
       [](const std::string& name) {
         if (wire::transport_of(name)) return Status::ok();
         return Status{StatusCode::kInvalidArgument,
@@ -99,8 +100,9 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
   const auto given = std::make_shared<Given>();
   for (const Settings::Shown& setting : settings->show()) {
     const std::string name = setting.key == positional ? setting.key : flag_of(setting.key);
-    const std::string built_in =
-        setting.built_in.empty() || setting.built_in == "" ? "" : "; default " + setting.built_in.dump();
+    const std::string built_in = setting.built_in.empty() || setting.built_in == ""
+                                     ? ""
+                                     : "; default " + setting.built_in.dump();
     const std::string help = setting.help + " (" + setting.values + built_in + ")";
     if (!setting.is_list) {
       command
@@ -123,7 +125,8 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
         ->type_name(name == setting.key ? "FILE" : "VALUE")
         ->allow_extra_args(name == setting.key);
   }
-  command.add_option("--config", given->config, "YAML file of settings (default: the one that NEARMESH_CONFIG names)");
+  command.add_option("--config", given->config,
+                     "YAML file of settings (default: the one that NEARMESH_CONFIG names)");
   command.add_flag("--print-config", given->print,
                    "Print each setting and where it came from, and end");
   CLI::Option* json = command.get_option_no_throw("--json");

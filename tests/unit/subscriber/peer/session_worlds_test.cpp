@@ -851,8 +851,7 @@ TEST(SessionWorlds, APageThatIsNoRootOfItsWorldIsNotWantedAgain) {
   const std::vector<std::uint8_t> root = folder.page_bytes(record.root).value();
   ++record.root_level;
   const std::vector<std::uint8_t> bytes = encode_world(record);
-  subscriber::PeerWorld world =
-      subscriber::PeerWorld::from_record(digest_of(bytes), bytes).value();
+  subscriber::PeerWorld world = subscriber::PeerWorld::from_record(digest_of(bytes), bytes).value();
   EXPECT_TRUE(world.wants_root());
   EXPECT_FALSE(world.take_page(record.root, root));
   EXPECT_EQ(world.root(), nullptr);
