@@ -315,9 +315,11 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
                         const SimplifyOptions& options, TableChoice tables) {
   const FloatGuard guard;
   NEARMESH_ASSERT(!mesh.faces.empty());
-  if (mesh.faces.size() >= (std::size_t{1} << 30))
+  if (mesh.positions.size() >= kMaxVertices || mesh.faces.size() >= (std::size_t{1} << 30))
     return Status{StatusCode::kUnsupported,
-                  "a model has fewer than 2^30 faces, found " + std::to_string(mesh.faces.size())};
+                  "a model has fewer than 2^30 vertices and faces, found " +
+                      std::to_string(mesh.positions.size()) + " and " +
+                      std::to_string(mesh.faces.size())};
   CollapseLog log = simplify(mesh, options);
   const Forest forest = number_forest(mesh, log.collapses);
   std::vector<GridPoint> position(mesh.positions.size());

@@ -2,41 +2,15 @@
 #include "nearmesh/core/spm/detail/codec.hpp"
 
 #include <algorithm>
-#include <array>
-#include <limits>
-#include <numeric>
 #include <string>
 #include <utility>
 
-#include "coding_sets.hpp"
-#include "core/base/hash.hpp"
+#include "make_record.hpp"
 #include "nearmesh/core/spm/detail/half_space.hpp"
 #include "record_codec.hpp"
-#include "train.hpp"
 
 namespace nearmesh {
 namespace {
-
-// The record of a treelet split, as the store knows it; faces are appended.
-SplitRecord make_record(const SplitStore& store, const TreeletSplit& split,
-                        std::vector<SplitFace>& faces) {
-  SplitRecord record{.node = split.node, .split = split.split};
-  const GridPoint& from = store.position(split.node.first);
-  const GridPoint& to = store.position(split.split);
-  for (int k = 0; k < 3; ++k) record.offset[k] = to[k] - from[k];
-  const SplitFaces own = store.faces(split.split);
-  record.face_begin = static_cast<std::uint32_t>(faces.size());
-  record.face_count = static_cast<std::uint32_t>(own.size());
-  faces.insert(faces.end(), own.begin(), own.end());
-  // Who holds a part has no box of its own for a node that came split: it lies within the nearest ancestor's.
-  const auto box_of = [&store](const NodeSpan& child) {
-    const BoxCode code = store.box_code(child);
-    return code[0] != kNoBoxCode ? code : encode_box(store.position(child.first), store.box(child));
-  };
-  if (record.left().size > 1) record.left_box = box_of(record.left());
-  if (record.right().size > 1) record.right_box = box_of(record.right());
-  return record;
-}
 
 // Follows which nodes the decoder expects next, so that only true attach nodes are named.
 class ExpectedNodes {
@@ -404,134 +378,5 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
   }
   return batch;
 }
-
-namespace {
-
-std::array<std::uint8_t, kSealBytes> seal_of(const ContentHash& content,
-                                             std::span<const std::uint8_t> bytes) {
-  const std::uint64_t hash = hash_bytes(bytes, content.low);
-  std::array<std::uint8_t, kSealBytes> seal{};
-  for (std::size_t i = 0; i < seal.size(); ++i) seal[i] = static_cast<std::uint8_t>(hash >> 8 * i);
-  return seal;
-}
-
-}  // namespace
-
-void seal_batch(const ContentHash& content, std::vector<std::uint8_t>& bytes) {
-  const auto seal = seal_of(content, bytes);
-  bytes.insert(bytes.end(), seal.begin(), seal.end());
-}
-
-Result<std::span<const std::uint8_t>> unseal_batch(const ContentHash& content,
-                                                   std::span<const std::uint8_t> bytes) {
-  if (bytes.size() < kSealBytes)
-    return Status{StatusCode::kCorrupt,
-                  "batch: " + std::to_string(bytes.size()) + " bytes are less than a seal"};
-  const std::span<const std::uint8_t> inner = bytes.first(bytes.size() - kSealBytes);
-  const auto expected = seal_of(content, inner);
-  if (!std::equal(expected.begin(), expected.end(), bytes.end() - kSealBytes))
-    return Status{StatusCode::kCorrupt, "batch: its seal does not match its " +
-                                            std::to_string(inner.size()) + " bytes of content " +
-                                            to_hex(content)};
-  return inner;
-}
-
-Result<SplitBatch> decode_sealed(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
-  const auto inner = unseal_batch(header.content, bytes);
-  NEARMESH_RETURN_IF_ERROR(inner);
-  return decode_batch(header, inner.value());
-}
-
-void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
-                   BoxPolicy boxes, TrainingCounts& counts) {
-  counts.resize(record::kContextCount);
-  record::CountingCoder coder(counts);
-  record::OpenEdges edges;
-  std::vector<SplitFace> faces;
-  for (const TreeletSplit& split : treelet) {
-    faces.clear();
-    SplitRecord record = make_record(store, split, faces);
-    record::Inclusion included{split.left_included, split.right_included};
-    record::code_record(coder, header, boxes, edges, record, included, faces);
-  }
-}
-
-std::uint64_t count_records(const TrainingCounts& counts) {
-  // Each record has one symbol in these contexts.
-  std::uint64_t records = 0;
-  for (std::size_t i = record::kOffset0; i < record::kOffset1; ++i)
-    records += std::accumulate(counts[i].begin(), counts[i].end(), std::uint64_t{0});
-  return records;
-}
-
-CodingTables make_tables(const TrainingCounts& counts, std::uint64_t table_splits) {
-  const std::uint64_t records = count_records(counts);
-  std::vector<HuffmanTable> contexts;
-  for (auto context : counts) {
-    std::uint64_t escapes = 0;
-    for (std::uint64_t& count : context)
-      if (count * table_splits < records) escapes += std::exchange(count, 0);
-    contexts.push_back(HuffmanTable::from_counts(context, escapes));
-  }
-  return CodingTables(std::move(contexts));
-}
-
-std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables) {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    const HuffmanTable& table = tables.contexts()[i];
-    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol) {
-      const std::uint32_t own = table.codes[symbol].length;
-      const std::uint32_t code =
-          own != 0 ? own : table.codes[kEscape].length + record::kEscapedBits;
-      bits += counts[i][symbol] * (code + record::tail_bits(static_cast<int>(i), symbol));
-    }
-  }
-  return bits;
-}
-
-namespace {
-
-/// Of no number where no set is of this codec.
-CodingTables find_nearest_set(const TrainingCounts& counts, std::uint64_t& least) {
-  least = std::numeric_limits<std::uint64_t>::max();
-  CodingTables nearest;
-  for (std::uint32_t number = 1; number <= coding_set_count(); ++number) {
-    const std::optional<CodingTables> set = coding_set(number);
-    if (!set) continue;
-    if (const std::uint64_t bits = coded_bits(counts, *set); bits < least) {
-      least = bits;
-      nearest = *set;
-    }
-  }
-  return nearest;
-}
-
-}  // namespace
-
-CodingTables nearest_set(const TrainingCounts& counts) {
-  std::uint64_t least = 0;
-  CodingTables nearest = find_nearest_set(counts, least);
-  return nearest.set() == 0 ? make_tables(counts) : nearest;
-}
-
-CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count) {
-  CodingTables own = make_tables(counts);
-  const std::uint64_t own_bits = coded_bits(counts, own);
-  std::uint64_t least = 0;
-  CodingTables nearest = find_nearest_set(counts, least);
-  if (nearest.set() == 0) return own;
-  BitWriter written;
-  write_tables(written, own);
-  // Both sides times own_bits.
-  const std::uint64_t whole =
-      own_bits * split_count / std::max<std::uint64_t>(count_records(counts), 1);
-  const std::uint64_t loaded = std::min(kChosenForBytes * 8, whole);
-  const bool is_own_dearer =
-      least <= own_bits || (least - own_bits) * loaded <= written.bit_count() * own_bits;
-  return is_own_dearer ? nearest : own;
-}
-
-int coding_context_count() { return record::kContextCount; }
 
 }  // namespace nearmesh

@@ -24,7 +24,7 @@ enum class TableChoice : std::uint8_t {
   kBuiltIn,      ///< a built-in set: for many models of one kind
 };
 
-/// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces, where hundreds of faces
+/// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported from 2^30 vertices or faces on, where hundreds of faces
 /// share one edge, so that their split does not fit a datagram, or where the forest is deeper than kMaxForestDepth.
 /// Deterministic, on any number of threads. Cost: O(n log n), about 250 bytes a vertex.
 [[nodiscard]] Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
