@@ -92,7 +92,7 @@ void begin_logging(const std::string& program) {
 void add_log_setting(Settings& settings, std::vector<std::string>& levels,
                      const std::vector<std::string>& rooms) {
   const std::vector<std::string> names(std::begin(kLevels), std::end(kLevels));
-  const std::string values = joined(names) + "; or ROOM=LEVEL with room " + joined(rooms);
+  const std::string values = joined(names) + "; or LOGGER=LEVEL with logger " + joined(rooms);
   settings.add("log", levels, "What is logged", values,
                [rooms, names, values](const std::string& text) {
                  const auto [room, level] = room_and_level(text);

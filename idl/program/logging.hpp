@@ -18,7 +18,7 @@ inline constexpr const char* kFastDdsRoom = "fastdds";
 
 /// Until set_log_levels: level info. Fast DDS's own log comes here too, after a burst one line a second.
 void begin_logging(const std::string& program);
-/// Adds the setting "log": levels as "LEVEL" for all, or "ROOM=LEVEL" of the rooms named here; the later wins.
+/// Adds the setting "log": levels as "LEVEL" for all, or "LOGGER=LEVEL" of those named here; the later wins.
 void add_log_setting(Settings& settings, std::vector<std::string>& levels,
                      const std::vector<std::string>& rooms);
 /// In: what passed the setting's check.

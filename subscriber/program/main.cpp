@@ -15,7 +15,7 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-/// Rooms of the log (--log ROOM=LEVEL), beside Fast DDS's.
+/// Loggers (--log LOGGER=LEVEL), beside Fast DDS's.
 constexpr std::array<const char*, 2> kRooms{"session", "record"};
 
 /// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its

@@ -177,22 +177,23 @@ Table poses(const Measured& measured, const Scenario& scenario, const Counts& co
                    rows)};
 }
 
+/// Without promises, and with them.
+std::string both(double today, double promised) { return number(today) + " / " + number(promised); }
+
 Table promises(const Measured& measured, const Scenario& scenario, const Counts& counts) {
   std::vector<Cells> rows;
   for (const LayoutCounts& layout : counts.layouts) {
     const auto [today, promised] = plan_of(layout, measured, scenario, counts);
-    rows.push_back(
-        {name_of(layout, scenario), number(mbit_per_s(today.heard_bytes)),
-         number(mbit_per_s(promised.heard_bytes)), number(cores_of(today.heard, measured)),
-         number(cores_of(promised.heard, measured)), number(today.brought),
-         number(promised.brought), number(cores_of(today.brought, measured)),
-         number(cores_of(promised.brought, measured)), number(mbit_per_s(today.across_bytes)),
-         number(mbit_per_s(promised.across_bytes))});
+    rows.push_back({name_of(layout, scenario),
+                    both(mbit_per_s(today.heard_bytes), mbit_per_s(promised.heard_bytes)),
+                    both(cores_of(today.heard, measured), cores_of(promised.heard, measured)),
+                    both(today.brought, promised.brought),
+                    both(cores_of(today.brought, measured), cores_of(promised.brought, measured)),
+                    both(mbit_per_s(today.across_bytes), mbit_per_s(promised.across_bytes))});
   }
   return {"computed-promises",
-          lines_of({"domains", "to a peer, Mbit/s", "promised", "its cores", "promised",
-                    "routers write, samples/s", "promised", "their cores", "promised",
-                    "between sites, Mbit/s", "promised"},
+          lines_of({"domains", "to a peer, Mbit/s", "its cores", "routers write, samples/s",
+                    "their cores", "between sites, Mbit/s"},
                    rows)};
 }
 
@@ -211,16 +212,15 @@ Result<Table> fewer(const Measured& measured, const Scenario& scenario) {
     const Counts& counts = simulation.value().run();
     const LayoutCounts& layout = counts.layouts[0];
     const auto [today, promised] = plan_of(layout, measured, some, counts);
-    rows.push_back(
-        {number(some.peers), number(participants_of(layout)), number(of(layout.most_heard)),
-         number(mbit_per_s(today.heard_bytes)), number(mbit_per_s(promised.heard_bytes)),
-         number(cores_of(today.brought, measured)), number(cores_of(promised.brought, measured)),
-         number(mbit_per_s(today.across_bytes)), number(mbit_per_s(promised.across_bytes))});
+    rows.push_back({number(some.peers), number(participants_of(layout)),
+                    number(of(layout.most_heard)),
+                    both(mbit_per_s(today.heard_bytes), mbit_per_s(promised.heard_bytes)),
+                    both(cores_of(today.brought, measured), cores_of(promised.brought, measured)),
+                    both(mbit_per_s(today.across_bytes), mbit_per_s(promised.across_bytes))});
   }
   return Table{"computed-peers",
                lines_of({"peers", "participants in the fullest", "bodies heard by a peer, most",
-                         "to a peer, Mbit/s", "promised", "routers' cores", "promised",
-                         "between sites, Mbit/s", "promised"},
+                         "to a peer, Mbit/s", "routers' cores", "between sites, Mbit/s"},
                         rows)};
 }
 
