@@ -39,8 +39,9 @@ nlohmann::ordered_json events_to_json(const FrameReport& report, BodyId a, BodyI
 
 }  // namespace
 
-nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
-                               const FrameReport& report, const Session& session, bool is_any) {
+nlohmann::ordered_json answer_to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
+                                      const FrameReport& report, const Session& session,
+                                      bool is_any) {
   const BodyOptions a = session.options_of(pair.a).value(), b = session.options_of(pair.b).value();
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());

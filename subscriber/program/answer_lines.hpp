@@ -10,9 +10,10 @@
 namespace nearmesh::subscriber::program {
 
 /// Of one pair.
-[[nodiscard]] nlohmann::ordered_json to_json(std::uint64_t frame, double time_s,
-                                             const PairAnswer& pair, const FrameReport& report,
-                                             const Session& session, bool is_any);
+[[nodiscard]] nlohmann::ordered_json answer_to_json(std::uint64_t frame, double time_s,
+                                                    const PairAnswer& pair,
+                                                    const FrameReport& report,
+                                                    const Session& session, bool is_any);
 /// Of the pairs that are not listed: free by bounds, or unknown.
 [[nodiscard]] nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s,
                                                     const FrameReport& report,

@@ -320,7 +320,7 @@ class Flight {
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_) continue;
       const std::string line =
-          to_json(frame, time_s_, pair, report, session_, scene_.session.any).dump() + '\n';
+          answer_to_json(frame, time_s_, pair, report, session_, scene_.session.any).dump() + '\n';
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
