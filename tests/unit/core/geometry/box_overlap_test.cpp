@@ -154,7 +154,7 @@ TEST(BoxesApart, NeverAcrossAContact) {
   });
 }
 
-GridBox box_of(const GridTriangle& t) {
+GridBox box_around(const GridTriangle& t) {
   GridBox box;
   for (const GridPoint& p : t) box.add(p);
   return box;
@@ -162,15 +162,15 @@ GridBox box_of(const GridTriangle& t) {
 
 TEST(BallsApart, NeverAcrossAContact) {
   for_each_last_contact(31, [](const Scene& s) {
-    EXPECT_FALSE(balls_apart(s.a, box_of(s.in_a), s.b, box_of(s.in_b)));
-    EXPECT_FALSE(balls_apart(s.b, box_of(s.in_b), s.a, box_of(s.in_a)));
+    EXPECT_FALSE(balls_apart(s.a, box_around(s.in_a), s.b, box_around(s.in_b)));
+    EXPECT_FALSE(balls_apart(s.b, box_around(s.in_b), s.a, box_around(s.in_a)));
   });
 }
 
 TEST(BallsApart, OnlyWhereBoxesAreFromTheFirstStepOn) {
   Random random(32);
   for_each_last_contact(32, [&random](Scene s) {
-    const GridBox a = box_of(s.in_a), b = box_of(s.in_b);
+    const GridBox a = box_around(s.in_a), b = box_around(s.in_b);
     const std::array<double, 3> direction{random.between(-1, 1), random.between(-1, 1),
                                           random.between(-1, 1)};
     const auto start = s.b.translation;
