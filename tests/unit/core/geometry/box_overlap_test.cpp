@@ -86,7 +86,7 @@ Scene some_scene(Random& random, int bits) {
           some_triangle(random, bits)};
 }
 
-CenteredBox grid_box_of(const GridTriangle& t) {
+CenteredBox box_around(const GridTriangle& t) {
   GridBox box;
   for (const GridPoint& p : t) box.add(p);
   return centered(box);
@@ -147,8 +147,8 @@ void for_each_last_contact(std::uint64_t seed, const Check& check) {
 
 TEST(BoxesApart, NeverAcrossAContact) {
   for_each_last_contact(21, [](const Scene& s) {
-    const CenteredBox a = grid_box_of(s.in_a);
-    const CenteredBox b = grid_box_of(s.in_b);
+    const CenteredBox a = box_around(s.in_a);
+    const CenteredBox b = box_around(s.in_b);
     EXPECT_FALSE(boxes_apart(make_relative_frame(s.a, s.b), a, b));
     EXPECT_FALSE(boxes_apart(make_relative_frame(s.b, s.a), b, a));
   });
@@ -205,7 +205,7 @@ TEST(BallsApart, WhereTheWayIsSomeLongerThanBothRadii) {
 
 TEST(BoxesGap, ZeroAcrossAContact) {
   for_each_last_contact(22, [](const Scene& s) {
-    EXPECT_EQ(boxes_gap_m(make_relative_frame(s.a, s.b), grid_box_of(s.in_a), grid_box_of(s.in_b)),
+    EXPECT_EQ(boxes_gap_m(make_relative_frame(s.a, s.b), box_around(s.in_a), box_around(s.in_b)),
               0);
   });
 }
@@ -213,9 +213,9 @@ TEST(BoxesGap, ZeroAcrossAContact) {
 TEST(BoxTriangleApart, NeverAcrossAContact) {
   for_each_last_contact(23, [](const Scene& s) {
     const RelativeFrame ab = make_relative_frame(s.a, s.b);
-    EXPECT_FALSE(box_triangle_apart(ab, grid_box_of(s.in_a), to_a_units(ab, s.in_b)));
+    EXPECT_FALSE(box_triangle_apart(ab, box_around(s.in_a), to_a_units(ab, s.in_b)));
     const RelativeFrame ba = make_relative_frame(s.b, s.a);
-    EXPECT_FALSE(box_triangle_apart(ba, grid_box_of(s.in_b), to_a_units(ba, s.in_a)));
+    EXPECT_FALSE(box_triangle_apart(ba, box_around(s.in_b), to_a_units(ba, s.in_a)));
   });
 }
 
@@ -253,7 +253,7 @@ TEST(HalfSpaceApart, NeverAcrossAContact) {
           towards[0] = 1;
         const BoundedPart part = half_space_around(own, towards);
         EXPECT_FALSE(half_space_triangle_stay_apart(f, {}, part, there));
-        EXPECT_FALSE(half_space_box_stay_apart(f, {}, part, grid_box_of(other)));
+        EXPECT_FALSE(half_space_box_stay_apart(f, {}, part, box_around(other)));
       }
     }
   });
@@ -282,7 +282,7 @@ TEST(HalfSpaceApart, JustWhereTheOtherIsBeyondThePlaneByMoreThanTheSlack) {
     const double beyond = least - part.bound;
     const bool apart = half_space_triangle_stay_apart(f, {}, part, to_a_units(f, b));
     EXPECT_EQ(apart, beyond > f.slack * length) << beyond;
-    const bool box_apart = half_space_box_stay_apart(f, {}, part, grid_box_of(b));
+    const bool box_apart = half_space_box_stay_apart(f, {}, part, box_around(b));
     EXPECT_LE(box_apart, apart);
     boxes += box_apart ? 1 : 0;
     // A drift as far as the way between them is the end of it.
@@ -380,7 +380,7 @@ TEST(TrianglesGap, NeverAboveTheDistance) {
 
 TEST(BoxesGap, NeverAboveTheDistanceOfTrianglesInside) {
   for_each_free_scene(26, [](const Scene& s, long double distance_m) {
-    EXPECT_LE(boxes_gap_m(make_relative_frame(s.a, s.b), grid_box_of(s.in_a), grid_box_of(s.in_b)),
+    EXPECT_LE(boxes_gap_m(make_relative_frame(s.a, s.b), box_around(s.in_a), box_around(s.in_b)),
               distance_m);
   });
 }
@@ -389,8 +389,8 @@ TEST(BoxesGap, PositiveExactlyWhenBoxesAreApart) {
   int apart = 0;
   for_each_free_scene(27, [&](const Scene& s, long double) {
     const RelativeFrame f = make_relative_frame(s.a, s.b);
-    const CenteredBox a = grid_box_of(s.in_a);
-    const CenteredBox b = grid_box_of(s.in_b);
+    const CenteredBox a = box_around(s.in_a);
+    const CenteredBox b = box_around(s.in_b);
     apart += boxes_apart(f, a, b);
     EXPECT_EQ(boxes_gap_m(f, a, b) > 0, boxes_apart(f, a, b));
     // Who needs no more than so much learns as much, whether that is less than the gap or more.
