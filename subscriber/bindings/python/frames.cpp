@@ -227,7 +227,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             if (pair == nullptr) return py::none();
             return py::cast(pair - report.answers.data());
           },
-          py::arg("a").noconvert(), py::arg("b"),
+          py::arg("a").noconvert(), py::arg("b").noconvert(),
           "The row of two bodies, in either order; None where it is not listed.")
       .def_property_readonly("all_certified", &FrameReport::all_certified,
                              "Of all pairs, listed or not.")

@@ -341,7 +341,8 @@ void add_models(py::module_& module) {
                "order.");
   add_probes(module, model_class);
   module.def("bake", &bake_arrays, py::arg("vertices"), py::arg("faces"), py::arg("path"),
-             py::kw_only(), py::arg("grid_bits").noconvert() = 21, py::arg("threads") = 0U,
+             py::kw_only(), py::arg("grid_bits").noconvert() = 21,
+             py::arg("threads").noconvert() = 0U,
              R"(Writes a progressive model of a triangle mesh to `path` and opens it.
 
 vertices (n, 3), metres; faces (m, 3), counter-clockwise seen from outside. Vertices are rounded to a grid of so many bits

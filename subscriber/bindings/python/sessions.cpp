@@ -127,7 +127,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
               py::arg("solid") = false, py::arg("content") = "",
               py::arg("max_pose_age_s") = py::none(),
-              py::arg("group").noconvert() = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
+              py::arg("group").noconvert() = 1U, py::arg("mask").noconvert() = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
               R"(Declares a body and gives its number.
 
 name: on the bus, unique, 1 to 63 bytes of printable ASCII. model: the publisher's name for it. own: this peer moves it. solid: it has an
@@ -179,7 +179,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a").noconvert(), py::arg("b"),
+              py::arg("a").noconvert(), py::arg("b").noconvert(),
               "Lists the answer about two bodies in every frame, near or not.")
           .def(
               "unwatch",
@@ -187,7 +187,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a").noconvert(), py::arg("b"), "Takes watch() back.")
+              py::arg("a").noconvert(), py::arg("b").noconvert(), "Takes watch() back.")
           .def(
               "watch_all",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
