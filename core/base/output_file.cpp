@@ -121,6 +121,13 @@ Result<OutputFile> OutputFile::create(const std::string& path, const FileKind& k
     return descriptor >= 0;
   };
   if (!out.is_unnamed_) static_cast<void>(out.put_beside(make));
+  // That it cannot have a name beside its place is to be known before others are put in theirs.
+  if (struct stat found{};
+      out.is_unnamed_ && ::lstat(out.name_beside_it(0).c_str(), &found) != 0 && errno != ENOENT) {
+    const Status status = out.failed("create a file beside it");
+    ::close(descriptor);
+    return status;
+  }
   out.file_ = descriptor < 0 ? nullptr : ::fdopen(descriptor, "wb");
   if (out.file_ == nullptr) {
     const Status status = out.failed("create a file beside it");
@@ -193,12 +200,16 @@ Status OutputFile::end_writing() {
   return Status::ok();
 }
 
+std::string OutputFile::name_beside_it(int tried) const {
+  return place_ + "." + std::to_string(::getpid()) +
+         (tried > 0 ? "-" + std::to_string(tried) : "") + ".partial";
+}
+
 template <class Make>
 bool OutputFile::put_beside(const Make& make) {
   constexpr int kMostTries = 100;  // what a process of this number left behind is not touched
   for (int i = 0; i < kMostTries; ++i) {
-    beside_ = place_ + "." + std::to_string(::getpid()) + (i > 0 ? "-" + std::to_string(i) : "") +
-              ".partial";
+    beside_ = name_beside_it(i);
     if (make(beside_.c_str())) return true;
     if (errno != EEXIST) break;
   }

@@ -57,6 +57,7 @@ class OutputFile {
   OutputFile() = default;
   [[nodiscard]] Status failed(const char* action) const;
   [[nodiscard]] Status end_writing();
+  [[nodiscard]] std::string name_beside_it(int tried) const;
   template <class Make>
   [[nodiscard]] bool put_beside(const Make& make);
   [[nodiscard]] Status name_beside();

@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "swept_frames.hpp"
 #include "walk.hpp"
 
 namespace nearmesh {

@@ -266,8 +266,8 @@ TEST_F(ReplayProgram, RefusesWithAReason) {
   for (const Case& one :
        std::vector<Case>{{{folder.file("none.db3")}, 1, "none.db3"},
                          {{folder.file("text.db3")}, 1, "not a recorded session"},
-                         {{session, "--start", "1000"}, 1, "session's 0 to "},
-                         {{session, "--end", "1000"}, 1, "session's 0 to "},
+                         {{session, "--start", "1000"}, 1, "recording's 0 to "},
+                         {{session, "--end", "1000"}, 1, "recording's 0 to "},
                          {{session, "--start", "2", "--end", "1"}, 1, "after the start"},
                          {{session, "--remap", "lab"}, 1, "expected OLD:=NEW"},
                          {{session, "--remap", "lab:=x"}, 1, "has no lab"},

@@ -199,33 +199,6 @@ TEST_F(Promises, AreNotBroken) {
   EXPECT_EQ(watch(92).free_by_bounds.pairs, 1U);
 }
 
-// As where a robot finds out that it is elsewhere.
-TEST_F(Promises, ABodyThatJumpedIsUncertainUntilTheyHaveEnded) {
-  const BodyId far_here = watcher_->add_body({.name = "far", .model = "aircraft"}).value();
-  ASSERT_TRUE(watcher_->watch(own_, far_here).is_ok());
-  const Motion here = flying({50'000, 0, 0}, {}, 0), there = flying({-70'000, 0, 0}, {}, 0);
-  for (std::uint64_t frame = 0; frame < 3; ++frame)
-    ASSERT_EQ(fly(frame, here).all_certified(), frame > 0) << frame;
-  ASSERT_EQ(mover_->check_promised(far_, there, 0.15).code(), StatusCode::kInvalidArgument);
-  ASSERT_TRUE(mover_->forget_pose(far_).is_ok());
-  EXPECT_FALSE(mover_->motion_of(far_));
-  std::uint64_t frame = 3;
-  const auto at_s = [&] { return static_cast<double>(frame) * kPromiseFrame_s; };
-  for (; !mover_->check_promised(far_, there, at_s()).is_ok(); ++frame) {
-    ASSERT_LT(at_s(), 8.2);
-    world_.round(*mover_, frame);
-    const FrameReport report = watch(frame);
-    EXPECT_FALSE(report.all_certified()) << frame;
-    EXPECT_EQ(report.free_by_bounds.pairs, 0U) << frame;
-  }
-  EXPECT_GT(at_s(), 7.9);
-  for (const std::uint64_t end = frame + 5; frame < end; ++frame) fly(frame, there);
-  EXPECT_TRUE(watch(frame - 1).all_certified());
-  EXPECT_EQ(watcher_->motion_of(far_here)->pose.translation_m, there.pose.translation_m);
-  EXPECT_EQ(mover_->forget_pose(BodyId{77}).code(), StatusCode::kNotFound);
-  EXPECT_EQ(watcher_->forget_pose(far_here).code(), StatusCode::kInvalidArgument);
-}
-
 // A body that comes has a promise made of all of its part. Who has not heard that one rests on an earlier one.
 TEST_F(Promises, AreNotBrokenByThoseThatFollow) {
   fly(0, flying({50'000, 0, 0}, {}, 0));
