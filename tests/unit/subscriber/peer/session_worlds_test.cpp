@@ -842,7 +842,6 @@ TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {
   std::filesystem::remove_all(folder);
 }
 
-// Names from outside are for models that publishers serve.
 // Else it would be asked for again with each answer, for ever.
 TEST(SessionWorlds, APageThatIsNoRootOfItsWorldIsNotWantedAgain) {
   const CutTerrain terrain;
@@ -858,6 +857,7 @@ TEST(SessionWorlds, APageThatIsNoRootOfItsWorldIsNotWantedAgain) {
   EXPECT_FALSE(world.wants_root());
 }
 
+// Names from outside are for models that publishers serve.
 TEST(SessionWorlds, NoBodyHasTheModelOfATile) {
   const CutTerrain terrain;
   CutHost host(terrain);
