@@ -40,8 +40,8 @@ template <class T>
   raise({StatusCode::kInvalidArgument, why});
 }
 
-/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range. Of arguments `noconvert()` asks the
-/// same: a number that may have a fraction, as numpy.float32 and Decimal, is no whole one, and pybind11 would cut the fraction off.
+/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range. A number that may have a fraction, as
+/// numpy.float32 and Decimal, is no whole one: pybind11 would cut the fraction off.
 template <class T>
 [[nodiscard]] T given_as(const py::handle& given, const std::string& name) {
   try {

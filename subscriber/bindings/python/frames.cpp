@@ -154,7 +154,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             const auto& contacts = report.answers[row].contacts;
             return contacts ? contacts_object(*contacts) : py::none();
           },
-          py::arg("row").noconvert(),
+          py::arg("row"),
           "Where the bodies of a row of answers touch; None without contact, or without the "
           "session's option contacts.")
       .def(
@@ -163,8 +163,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             need_row(report, row);
             return rows_of(report.answers[row].contact_ids);
           },
-          py::arg("row").noconvert(),
-          "Of each patch of contacts(row): a number that lasts with the contact.")
+          py::arg("row"), "Of each patch of contacts(row): a number that lasts with the contact.")
       .def(
           "depth",
           [](const FrameReport& report, std::size_t row) -> py::object {
@@ -172,7 +171,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             const auto& depth = report.answers[row].depth;
             return depth ? py::cast(*depth) : py::none();
           },
-          py::arg("row").noconvert(),
+          py::arg("row"),
           "How deep the bodies of a row of answers are in each other; None without contact, or "
           "without the session's option depth.")
       .def(
@@ -188,7 +187,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
                               tile.missing.size()});
             return py::make_tuple(to_hex(world->world), rows_of(rows), world->missing_pages.size());
           },
-          py::arg("row").noconvert(),
+          py::arg("row"),
           "Where one of the bodies of a row of answers is a world, and was asked: the world's "
           "content, its tiles near the other body as a structured array (tile, place, is_here, "
           "asked, status, pairs, missing), and how many pages have not come. Else None.")
@@ -227,7 +226,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
             if (pair == nullptr) return py::none();
             return py::cast(pair - report.answers.data());
           },
-          py::arg("a").noconvert(), py::arg("b").noconvert(),
+          py::arg("a"), py::arg("b"),
           "The row of two bodies, in either order; None where it is not listed.")
       .def_property_readonly("all_certified", &FrameReport::all_certified,
                              "Of all pairs, listed or not.")

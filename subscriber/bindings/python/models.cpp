@@ -341,8 +341,7 @@ void add_models(py::module_& module) {
                "order.");
   add_probes(module, model_class);
   module.def("bake", &bake_arrays, py::arg("vertices"), py::arg("faces"), py::arg("path"),
-             py::kw_only(), py::arg("grid_bits").noconvert() = 21,
-             py::arg("threads").noconvert() = 0U,
+             py::kw_only(), py::arg("grid_bits") = 21, py::arg("threads") = 0U,
              R"(Writes a progressive model of a triangle mesh to `path` and opens it.
 
 vertices (n, 3), metres; faces (m, 3), counter-clockwise seen from outside. Vertices are rounded to a grid of so many bits
@@ -355,8 +354,7 @@ Holds what the questions so far needed of each. One question at a time; other th
            py::arg("b"), py::kw_only(), py::arg("solid_a") = false, py::arg("solid_b") = false)
       .def(
           "query", &Pair::query, py::arg("poses_a"), py::arg("poses_b"), py::kw_only(),
-          py::arg("clearance") = "bound", py::arg("any") = false,
-          py::arg("max_tests").noconvert() = py::none(),
+          py::arg("clearance") = "bound", py::arg("any") = false, py::arg("max_tests") = py::none(),
           R"(Answers for poses (n, 4, 4), or (4, 4) that stands for all: a structured array of n rows.
 
 status: Status. certified: True but where max_tests ended the search, or a solid has too many parts. pairs: how many pairs of faces touch.
@@ -369,7 +367,7 @@ clearance: "none", "bound" (three quarters of what can be known) or "exact". any
 end.)")
       .def("depth", &Pair::depth, py::arg("pose_a"), py::arg("pose_b"),
            py::arg("directions") = std::vector<std::array<double, 3>>{},
-           py::arg("max_tests").noconvert() = kDepthTests,
+           py::arg("max_tests") = kDepthTests,
            "How deep b is in a, and which way it is out soonest: of the directions given, else of "
            "the contacts' normals. None where nothing touches. The search ends after max_tests, of "
            "2 to 5 ns: exhausted.")

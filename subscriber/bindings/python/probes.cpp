@@ -223,7 +223,7 @@ void add_world(py::module_& module) {
 At most most_tiles are held open, the least recently used going first. Answers are certified. There are no probes of points,
 since tiles are not closed: a ray down tells whether a point is below a ground.)")
       .def(py::init<const std::string&, std::size_t>(), py::arg("folder"), py::kw_only(),
-           py::arg("most_tiles").noconvert() = 64)
+           py::arg("most_tiles") = 64)
       .def(
           "probe_rays",
           [](World& w, const Doubles& pose, const Doubles& origins, const Doubles& directions,
@@ -307,7 +307,7 @@ void add_probes(py::class_<Peer> peer_class) {
              const Doubles& range_m) {
             return of_body<RayAnswer>(peer, body, rays_of(origins, directions, range_m));
           },
-          py::arg("body").noconvert(), py::arg("origins"), py::arg("directions") = kDown,
+          py::arg("body"), py::arg("origins"), py::arg("directions") = kDown,
           py::arg("range_m") = kInfinite,
           R"((rows, why) of rays against a body where it was as of the last update, from the detail that is held.
 
@@ -318,20 +318,20 @@ meets nothing before at_least_m.)")
           [](Peer& peer, std::uint32_t body, const Doubles& points) {
             return of_body<PointAnswer>(peer, body, points_of(points, "points"));
           },
-          py::arg("body").noconvert(), py::arg("points"), "(rows, why), as Model.probe_points.")
+          py::arg("body"), py::arg("points"), "(rows, why), as Model.probe_points.")
       .def(
           "probe_balls",
           [](Peer& peer, std::uint32_t body, const Doubles& centers, const Doubles& radii) {
             return of_body<ShapeAnswer>(peer, body, balls_of(centers, radii));
           },
-          py::arg("body").noconvert(), py::arg("centers"), py::arg("radii"),
+          py::arg("body"), py::arg("centers"), py::arg("radii"),
           "(rows, why), as Model.probe_balls.")
       .def(
           "probe_boxes",
           [](Peer& peer, std::uint32_t body, const Doubles& poses, const Doubles& half_m) {
             return of_body<ShapeAnswer>(peer, body, boxes_of(poses, half_m));
           },
-          py::arg("body").noconvert(), py::arg("poses"), py::arg("half_m"),
+          py::arg("body"), py::arg("poses"), py::arg("half_m"),
           "(rows, why), as Model.probe_boxes.")
       .def(
           "hear",

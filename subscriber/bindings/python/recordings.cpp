@@ -163,9 +163,8 @@ void add_recordings(py::module_& module) {
 
 Fields: received_ns, peer, frame, time_s, a and b (indices into the names), status (Status), certified, asked, put_off (for want
 of budget), cut (by the peer's own max_tests, max_pairs or any), pairs, clearance_m, uncertainty_m, pose_a and pose_b (4, 4).)")
-      .def("scene", &Recording::scene, py::kw_only(),
-           py::arg("received_ns").noconvert() = py::none(), py::arg("body") = "",
-           py::arg("other") = "",
+      .def("scene", &Recording::scene, py::kw_only(), py::arg("received_ns") = py::none(),
+           py::arg("body") = "", py::arg("other") = "",
            "Meshes and contacts of the last answer until a time (nanoseconds since 1970; None: the "
            "end), of any pair, or of one body, or of two. NotFoundError where there is none.");
 }

@@ -96,7 +96,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
                       "A session fed from files: {name: path}, and worlds: {name: folder}. No network, no "
                       "DDS; NotFoundError, IoError, CorruptError or UnsupportedError of a file.")
           .def_static(
-              "dds", &dds_session, py::kw_only(), py::arg("domain").noconvert() = 0U, py::arg("interface") = "",
+              "dds", &dds_session, py::kw_only(), py::arg("domain") = 0U, py::arg("interface") = "",
               py::arg("name") = "", py::arg("prefix") = "nearmesh", py::arg("transport") = "lan",
               py::arg("security") = "", py::arg("initial_peers") = std::vector<std::string>{},
               py::arg("discovery_server") = "",
@@ -127,7 +127,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
               py::arg("solid") = false, py::arg("content") = "",
               py::arg("max_pose_age_s") = py::none(),
-              py::arg("group").noconvert() = 1U, py::arg("mask").noconvert() = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
+              py::arg("group") = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
               R"(Declares a body and gives its number.
 
 name: on the bus, unique, 1 to 63 bytes of printable ASCII. model: the publisher's name for it. own: this peer moves it. solid: it has an
@@ -141,7 +141,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.place_body(BodyId{body}, at); }));
               },
-              py::arg("body").noconvert(), py::arg("pose"),
+              py::arg("body"), py::arg("pose"),
               "Fixes a body in place, for scenery that nobody moves.")
           .def(
               "link_bodies",
@@ -150,7 +150,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 for (const std::uint32_t body : bodies) links.push_back(BodyId{body});
                 need(unlocked(peer, [&](Session& session) { return session.link_bodies(links); }));
               },
-              py::arg("bodies").noconvert(),
+              py::arg("bodies"),
               "Makes own bodies the links of one robot: whoever hears them takes all poses of one "
               "instant or none. Each update() then gives motions of all links, or of none. Before "
               "any of them has a motion.")
@@ -160,7 +160,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(peer,
                               [&](Session& session) { return session.remove_body(BodyId{body}); }));
               },
-              py::arg("body").noconvert(),
+              py::arg("body"),
               "The body is there no more, nor are its pairs. A link takes all of its robot with it.")
           .def(
               "replace_model",
@@ -171,7 +171,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                   return session.replace_model(BodyId{body}, model, pin);
                 }));
               },
-              py::arg("body").noconvert(), py::arg("model"), py::arg("content") = "",
+              py::arg("body"), py::arg("model"), py::arg("content") = "",
               "From now on the body has another model; where it is stays.")
           .def(
               "watch",
@@ -179,7 +179,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a").noconvert(), py::arg("b").noconvert(),
+              py::arg("a"), py::arg("b"),
               "Lists the answer about two bodies in every frame, near or not.")
           .def(
               "unwatch",
@@ -187,7 +187,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 need(unlocked(
                     peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
               },
-              py::arg("a").noconvert(), py::arg("b").noconvert(), "Takes watch() back.")
+              py::arg("a"), py::arg("b"), "Takes watch() back.")
           .def(
               "watch_all",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
@@ -214,7 +214,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                                 "own"_a = of.own, "solid"_a = of.solid, "group"_a = of.group,
                                 "mask"_a = of.mask, "max_speed_mps"_a = of.max_speed_mps);
               },
-              py::arg("body").noconvert(), "A body as it was declared, here or by its mover.")
+              py::arg("body"), "A body as it was declared, here or by its mover.")
           .def(
               "held_mesh",
               [](Peer& peer, std::uint32_t body) {
@@ -222,7 +222,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                     unlocked(peer, [&](Session& session) { return session.held_mesh(BodyId{body}); }));
                 return py::make_tuple(faces_of(held.exact_m), faces_of(held.coarse_m));
               },
-              py::arg("body").noconvert(),
+              py::arg("body"),
               "What is held of a body's model, to be drawn: corners of faces (n, 3, 3), metres, its "
               "frame, of the full mesh; and of those that stand for what is missing.")
           .def(
@@ -231,7 +231,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 return unlocked(peer,
                                 [&](Session& session) { return session.held_state(BodyId{body}); });
               },
-              py::arg("body").noconvert(),
+              py::arg("body"),
               "The same number while held_mesh(body) is the same; 0 where there is none.")
           .def(
               "readiness",
@@ -240,7 +240,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                     unlocked(peer, [&](Session& session) { return session.readiness(BodyId{body}); }));
                 return py::make_tuple(to_string(found.stage), found.reason);
               },
-              py::arg("body").noconvert(), "(stage, reason) as of the last update, as of wait_ready.")
+              py::arg("body"), "(stage, reason) as of the last update, as of wait_ready.")
           .def(
               "region_readiness",
               [](Peer& peer, std::uint32_t body, const std::array<double, 3>& lo_m,
@@ -250,7 +250,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                 }));
                 return py::make_tuple(found.resolved, found.uncertainty_m, found.reason);
               },
-              py::arg("body").noconvert(), py::arg("lo_m"), py::arg("hi_m"),
+              py::arg("body"), py::arg("lo_m"), py::arg("hi_m"),
               "(resolved, uncertainty_m, reason) of a box in the body's model frame: whether all of "
               "the full mesh there is here.")
           .def(
@@ -264,7 +264,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               [](Peer& peer, std::uint32_t body) {
                 return unlocked(peer, [&](Session& session) { return session.name_of(BodyId{body}); });
               },
-              py::arg("body").noconvert(), "Its name; empty where no such body is declared.")
+              py::arg("body"), "Its name; empty where no such body is declared.")
           .def(
               "update",
               [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
@@ -274,7 +274,7 @@ moves faster, so others are promised where it stays; 0: no promise.)")
                   return session.update(frame, time_s, own, budget_s);
                 }));
               },
-              py::arg("frame").noconvert(), py::arg("time_s"), py::arg("motions") = py::dict(),
+              py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
               py::arg("budget_s") = 0.005,
               R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
 
@@ -292,8 +292,8 @@ seconds of wall clock, is too little, pairs take turns, who may touch soonest fi
                 return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
                                       std::move(waited.report));
               },
-              py::arg("body").noconvert(), py::arg("timeout_s"), py::arg("motions") = py::dict(),
-              py::arg("frame").noconvert() = 0U, py::arg("time_s") = 0.0,
+              py::arg("body"), py::arg("timeout_s"), py::arg("motions") = py::dict(),
+              py::arg("frame") = 0U, py::arg("time_s") = 0.0,
               R"(Updates until all pairs of a body are certified, or the time is over: (stage, reason, report of the last update).
 
 stage: "waiting", "answering" or "certified".)")
@@ -302,7 +302,7 @@ stage: "waiting", "answering" or "certified".)")
               [](Peer& peer, std::uint32_t body) {
                 return unlocked(peer, [&](Session& session) { return session.motion_of(BodyId{body}); });
               },
-              py::arg("body").noconvert(), "Where a body was last known to be; None where no pose has come.")
+              py::arg("body"), "Where a body was last known to be; None where no pose has come.")
           .def_property_readonly("heard_time_s",
                                  [](Peer& peer) {
                                    return unlocked(peer, [](Session& session) {
