@@ -145,12 +145,14 @@ Status Session::remove_body(BodyId body) {
 /// Others hear that the number is gone, and with it all that was said of it. Who has not heard yet rests on what was promised, so `made` stays.
 Status Session::forget_pose(BodyId body) {
   const FloatGuard guard;
+  NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
   Body* lost = impl_->find(body);
   if (lost == nullptr) return no_such(body);
   if (!lost->own || lost->links > 1)
     return {StatusCode::kInvalidArgument,
             "body " + lost->name + ": expected one that this peer moves, and no link of a robot"};
   if (!lost->motion) return Status::ok();
+  const Impl::Change change(*impl_);
   impl_->untold_parts.insert(part_of(*lost));
   impl_->own_bodies.erase(impl_->own_from(lost->number));
   lost->number = impl_->next_number++;
