@@ -12,19 +12,13 @@ constexpr double kLook_s = 0.1;
 
 }  // namespace
 
-Participant DdsPoses::participant_of(const wire::Handle& writer) {
-  Participant participant{};
-  for (std::size_t i = 0; i < participant.size(); ++i) participant[i] = writer.value[i];
-  return participant;
-}
-
 PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer, std::uint32_t part) {
-  return {participant_of(writer), peer, part};
+  return {wire::Routes::participant_of(writer), peer, part};
 }
 
 /// As of bodies (body_book.hpp): on a secured bus an identity, which is more than one of its programs.
 Participant DdsPoses::speaker_of(const wire::Handle& writer) const {
-  Participant speaker = participant_of(writer);
+  Participant speaker = wire::Routes::participant_of(writer);
   if (is_secured_) std::fill(speaker.begin() + wire::kIdentityBytes, speaker.end(), 0);
   return speaker;
 }
@@ -40,7 +34,7 @@ bool DdsPoses::claim_session(wire::SessionId session, const wire::Handle& writer
     return true;
   }
   ++refused_;
-  const std::pair stranger(session, participant_of(writer));
+  const std::pair stranger(session, wire::Routes::participant_of(writer));
   if (strangers_.use(stranger) == nullptr) {
     strangers_.put(stranger, {});
     mailbox_.complain(topic_ + ": what " + wire::name_of(writer, mailbox_) +
@@ -105,10 +99,9 @@ bool DdsPoses::is_absent(const wire::Handle& writer) const {
 /// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins late hears of each.
 void DdsPoses::know(HeardDirectory&& heard) {
   const wire::BodyDirectory& directory = heard.directory;
-  // Of a stranger it is kept all the same: a peer that joined anew says it once, and its old self may not be missed yet.
+  // It claims no session, as poses and promises do: it may be a stranger's, and come first. It is kept all the same: a peer that joined anew says
+  // it once, and its old self may not be missed yet.
   const bool is_of_absent = is_absent(heard.writer);
-  if (!directory.bodies.empty() && !is_of_absent)
-    static_cast<void>(claim_session(directory.peer, heard.writer));
   const PartKey key = key_of(heard.writer, directory.peer, directory.part);
   const auto known = parts_.find(key);
   if (known == parts_.end()) {
@@ -227,7 +220,7 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     lost.merge(lose(writer, gone.second));
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
     std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
-    const Participant participant = participant_of(writer);
+    const Participant participant = wire::Routes::participant_of(writer);
     unnamed_.erase_group(participant);
     unnamed_promises_.erase_group(participant);
   }

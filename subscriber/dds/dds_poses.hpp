@@ -9,7 +9,6 @@
 // Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -25,12 +24,13 @@
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/body_book.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/dds/routes.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 
 namespace nearmesh::subscriber {
 
-using Participant = std::array<std::uint8_t, 12>;
+using Participant = wire::Routes::Participant;
 /// A part of a peer's bodies, as one participant tells of it.
 using PartKey = std::tuple<Participant, wire::SessionId, std::uint32_t>;
 
@@ -127,7 +127,6 @@ class DdsPoses {
   /// that wait for longest make room.
   template <class Message>
   using UnnamedParts = LruMap<PartKey, Message, Participant>;  ///< by participant
-  [[nodiscard]] static Participant participant_of(const wire::Handle& writer);
   [[nodiscard]] Participant speaker_of(const wire::Handle& writer) const;
   /// As may_speak_for(); from now on if not before. Where not, that is counted, and said once of each.
   [[nodiscard]] bool claim_session(wire::SessionId session, const wire::Handle& writer);
