@@ -134,11 +134,9 @@ void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
                              const std::vector<wire::BodyDirectory::Body>& now) {
   for (const wire::BodyDirectory::Body& body : before.bodies) {
     const auto moved = moved_.find(body.name);
-    if (moved == moved_.end() || moved->second.body != body ||
+    if (moved == moved_.end() || moved->second.body != body || moved->second.session != peer ||
         !wire::have_one_participant(moved->second.writer, before.writer))
       continue;
-    const auto source = sources_.find(moved->second.writer);
-    if (source == sources_.end() || source->second.session != peer) continue;
     const auto same = std::find_if(now.begin(), now.end(), [&](const auto& other) {
       return other.number == body.number && other.name == body.name;
     });
@@ -294,11 +292,16 @@ bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionI
                              : " is moved by another peer already, these poses are ignored"));
     return false;
   }
-  Source& source = sources_[writer];
-  if (std::exchange(source.session, peer) != peer) new_movers_.emplace_back(peer, writer);
-  source.heard_s = clock_.seconds();
+  const std::pair of_peer(peer, wire::Routes::participant_of(writer));
+  if (Source* const known = sources_.use(of_peer)) {
+    known->heard_s = clock_.seconds();
+  } else {
+    sources_.put(of_peer, {.heard_s = clock_.seconds()}, of_peer.second);
+    new_movers_.emplace_back(peer, writer);
+  }
   Moved& moved = moved_[body.name];
   moved.writer = writer;
+  moved.session = peer;
   if (moved.body != body) {
     told_.push_back({body, false});
     moved.body = body;
@@ -318,11 +321,8 @@ void DdsPoses::accept(Named&& heard, std::vector<wire::BodyPose>& accepted) {
 
 /// A session's name is not enough: anybody can say it.
 void DdsPoses::hear_sign(wire::SessionId session, const wire::Handle& writer) {
-  for (auto& [pose_writer, source] : sources_) {
-    if (source.session != session || !wire::have_one_participant(pose_writer, writer)) continue;
-    source.heard_s = clock_.seconds();
-    source.gives_signs = true;
-  }
+  if (Source* const source = sources_.use({session, wire::Routes::participant_of(writer)}))
+    *source = {.heard_s = clock_.seconds(), .gives_signs = true};
 }
 
 void DdsPoses::look_for_silent() {
@@ -330,16 +330,17 @@ void DdsPoses::look_for_silent() {
   if (now_s - looked_s_ < kLook_s) return;
   looked_s_ = now_s;
   for (auto& [body, moved] : moved_) {
-    const auto source = sources_.find(moved.writer);
-    if (source == sources_.end() || !source->second.gives_signs) continue;
-    const bool is_silent = now_s - source->second.heard_s >= silence_s_;
+    const Source* const source =
+        sources_.find({moved.session, wire::Routes::participant_of(moved.writer)});
+    if (source == nullptr || !source->gives_signs) continue;
+    const bool is_silent = now_s - source->heard_s >= silence_s_;
     tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
   }
 }
 
 /// Out: the bodies that it moved.
 std::set<std::string> DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
-  sources_.erase(writer);
+  sources_.erase_group(wire::Routes::participant_of(writer));
   std::set<std::string> lost;
   std::erase_if(moved_, [&](const auto& entry) {
     if (entry.second.writer != writer) return false;

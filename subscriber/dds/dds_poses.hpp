@@ -98,12 +98,12 @@ class DdsPoses {
  private:
   struct Moved {
     wire::Handle writer;
+    wire::SessionId session = 0;
     wire::BodyDirectory::Body body;
     wire::Mover mover = wire::Mover::kNone;  ///< as was told
   };
-  /// Who writes poses.
+  /// A session that moves bodies. Several may speak through one participant, as those of another site do through a router.
   struct Source {
-    wire::SessionId session = 0;
     double heard_s = 0;  ///< a pose or a sign of life
     bool gives_signs = false;
   };
@@ -183,9 +183,10 @@ class DdsPoses {
   std::vector<Channel::Inbox::Told> told_;
   bool has_released_ = false;  ///< a body, since poses were taken
   const Stopwatch clock_;
-  double looked_s_ = 0;                     ///< for silent ones, the last time
-  std::map<wire::Handle, Source> sources_;  ///< by writer
-  std::map<std::string, Moved> moved_;      ///< bodies whose poses count
+  double looked_s_ = 0;  ///< for silent ones, the last time
+  LruMap<std::pair<wire::SessionId, Participant>, Source, Participant> sources_{
+      kMaxPartsOfOne, kMaxParts};       ///< by participant
+  std::map<std::string, Moved> moved_;  ///< bodies whose poses count
   std::map<std::string, wire::Mover> changes_;
   std::set<std::string> ended_;
 };

@@ -38,10 +38,9 @@ double pairs_of(double participants) { return participants * (participants - 1);
 
 /// Topics that stay although peers tell them peers.
 constexpr std::pair<std::string_view, std::string_view> kStay[] = {
-    // A channel takes one writer for one session (subscriber/dds/dds_poses.hpp).
     {"process_status",
-     "through a router's one writer a sign of life is nobody's: the age of poses tells who is "
-     "gone"},
+     "each program's sign of life, once a second, is for its own site: the age of poses tells who "
+     "is gone"},
     {"echo", "a self-test of one network"},
     {"probe", "a self-test of one network"}};
 

@@ -98,11 +98,16 @@ std::set<wire::SessionId> publishers_on(std::uint32_t domain) {
   const auto bus = wire::Bus::open({.transport = at(domain)}, mailbox).value();
   EXPECT_TRUE(reader.open(*bus).is_ok());
   std::set<wire::SessionId> heard;
-  for (const Stopwatch watch; watch.seconds() < 1.5; mailbox.wait(0.05))
+  const auto listen = [&] {
     static_cast<void>(
         reader.drain(100, [&](wire::Hello&& hello, const wire::Handle&, wire::Microseconds) {
           heard.insert(hello.publisher);
         }));
+    mailbox.wait(0.05);
+    return !heard.empty();
+  };
+  EXPECT_TRUE(test::await(listen, 20));
+  for (const Stopwatch watch; watch.seconds() < 1.5;) static_cast<void>(listen());  // and who else
   return heard;
 }
 

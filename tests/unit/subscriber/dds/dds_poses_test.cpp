@@ -185,6 +185,34 @@ TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
   EXPECT_TRUE(mailbox.take_complaints().empty());
 }
 
+// As peers of another site do through a router: each of them removes bodies and gives signs of life for itself.
+TEST(DdsPoses, SessionsThatSpeakThroughOneParticipantAreToldApart) {
+  wire::Mailbox mailbox;
+  DdsPoses poses(mailbox, "body_poses", false, 2);
+  const wire::Handle router = writer(1, 1);
+  const auto as_other = [](auto said) {
+    said.peer = 8;
+    return said;
+  };
+  const std::uint32_t others = wire::kBodiesPerPart;
+  poses.take_directories({}, {{directory_of(0), router}, {as_other(directory_of(others)), router}},
+                         false);
+  EXPECT_EQ(
+      poses.take({{poses_of(0, 1), router}, {as_other(poses_of(others, 1)), router}}, false).size(),
+      2U);
+  EXPECT_EQ(poses.take_movers().size(), 2U);
+  EXPECT_EQ(changes_of(poses).size(), 2U);
+  wire::BodyDirectory removed = directory_of(0);
+  removed.bodies.clear();
+  poses.take_directories({}, {{removed, router}}, false);
+  EXPECT_EQ(changes_of(poses),
+            (std::map<std::string, wire::Mover>{{"body 0", wire::Mover::kLeft}}));
+  EXPECT_EQ(poses.take_ended(), std::set<std::string>{"body 0"});
+  // A known session is not told of again, whichever spoke last.
+  EXPECT_EQ(poses.take({{as_other(poses_of(others, 2)), router}}, false).size(), 1U);
+  EXPECT_TRUE(poses.take_movers().empty());
+}
+
 // Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who left is taken to be there.
 TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
   wire::Mailbox mailbox;
