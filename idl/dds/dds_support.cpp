@@ -19,7 +19,8 @@ namespace nearmesh::wire {
 namespace {
 
 constexpr std::uint32_t kMaxDomain = 232;
-constexpr int kMostSessions = 256;  ///< on one participant of a host's
+constexpr std::uint32_t kMostPerPeer = 120;  ///< ports of a domain, two each
+constexpr int kMostSessions = 256;           ///< on one participant of a host's
 
 /// What Fast DDS calls a participant that was given no name.
 constexpr const char* kUnnamed = "RTPSParticipant";
@@ -31,17 +32,23 @@ Status check_options(const TransportOptions& options) {
   if (options.domain > kMaxDomain)
     return {StatusCode::kInvalidArgument, "domain: expected at most " + std::to_string(kMaxDomain) +
                                               ", found " + std::to_string(options.domain)};
-  if (!(options.announcement_s > 0) || !(options.lease_s >= 2 * options.announcement_s) ||
-      !(options.heartbeat_s > 0))
-    return {StatusCode::kInvalidArgument,
-            "lease: expected at least twice the announcement period, all above 0"};
-  if (!(options.identity_period_s > 0))
-    return {StatusCode::kInvalidArgument, "identity period: expected more than 0"};
+  if (options.participants_per_peer < 1 || options.participants_per_peer > kMostPerPeer)
+    return {StatusCode::kInvalidArgument, "participants_per_peer: expected 1 to " +
+                                              std::to_string(kMostPerPeer) + ", found " +
+                                              std::to_string(options.participants_per_peer)};
+  const auto refuse = [](const std::string& option, const std::string& expected, double found_s) {
+    return Status{StatusCode::kInvalidArgument,
+                  option + ": expected " + expected + ", found " + std::to_string(found_s) + " s"};
+  };
+  const std::string announcement = std::to_string(options.announcement_s) + " s";
+  for (const auto& [option, value_s] : {std::pair{"announcement_s", options.announcement_s},
+                                        {"heartbeat_s", options.heartbeat_s},
+                                        {"identity_period_s", options.identity_period_s}})
+    if (!(value_s > 0)) return refuse(option, "more than 0", value_s);
+  if (!(options.lease_s >= 2 * options.announcement_s))
+    return refuse("lease_s", "at least twice announcement_s, " + announcement, options.lease_s);
   if (!(options.silence_s > options.announcement_s))
-    return {StatusCode::kInvalidArgument, "silence: expected more than the announcement period, " +
-                                              std::to_string(options.announcement_s) +
-                                              " s, found " + std::to_string(options.silence_s) +
-                                              " s"};
+    return refuse("silence_s", "more than announcement_s, " + announcement, options.silence_s);
   return Status::ok();
 }
 

@@ -612,6 +612,23 @@ TEST(DdsChannel, WrongOptionsAreNamed) {
   EXPECT_NE(channel.status().message().find("203.0.113.7"), std::string::npos);
   options.transport = transport("/bad/");
   EXPECT_EQ(PeerChannel::create(options).status().code(), StatusCode::kInvalidArgument);
+  using Options = wire::TransportOptions;
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  const std::pair<std::string, std::function<void(Options&)>> wrong[] = {
+      {"participants_per_peer: ", [](Options& o) { o.participants_per_peer = 0; }},
+      {"participants_per_peer: ", [](Options& o) { o.participants_per_peer = 121; }},
+      {"announcement_s: ", [](Options& o) { o.announcement_s = 0; }},
+      {"heartbeat_s: ", [](Options& o) { o.heartbeat_s = kNaN; }},
+      {"identity_period_s: ", [](Options& o) { o.identity_period_s = -1; }},
+      {"lease_s: ", [](Options& o) { o.lease_s = 1.5 * o.announcement_s; }},
+      {"silence_s: ", [](Options& o) { o.silence_s = o.announcement_s; }}};
+  for (const auto& [begins, spoil] : wrong) {
+    options.transport = transport("x");
+    spoil(options.transport);
+    const Status refused = PeerChannel::create(options).status();
+    EXPECT_EQ(refused.code(), StatusCode::kInvalidArgument) << begins;
+    EXPECT_TRUE(refused.message().starts_with(begins)) << refused.message();
+  }
 }
 
 int run_child(const std::string& role, const std::string& prefix) {

@@ -182,7 +182,7 @@ TEST_F(Operate, WrongSettingsNameTheirPlace) {
             1,
             "udp-only: expected initial peers or a discovery server"},
            {{"--discovery-server", "1.2.3.4:x"}, 1, "expected an IPv4 address, or one with a port"},
-           {{"--lease-s", "1"}, 1, "lease: expected at least twice"}}) {
+           {{"--lease-s", "1"}, 1, "lease_s: expected at least twice announcement_s"}}) {
     std::vector<std::string> words{"status", "--seconds", "0.1"};
     words.insert(words.end(), wrong.words.begin(), wrong.words.end());
     std::string err;
