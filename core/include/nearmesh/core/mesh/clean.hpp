@@ -71,7 +71,7 @@ struct CleanResult {
 /// cell, so that regular data keeps its common factors of two. A mesh that is a single point has kMinGridBits, if its
 /// lattice is its own. A face whose corners fall together
 /// is a segment or a point: dropped where a kept face covers it, else kept with duplicated vertices
-/// (F4: nothing touchable may vanish). Three distinct points on a line are an ordinary face. In: at
+/// (nothing that could be touched may vanish). Three distinct points on a line are an ordinary face. In: at
 /// least one face; indices in range; coordinates of referenced vertices finite and within
 /// kMaxCoordinate_m; options in range; below 2^31 vertices and 2^30 faces.
 /// Out: vertices in input order of the first at each grid point, duplicated ones last; faces in

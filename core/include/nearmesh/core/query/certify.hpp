@@ -24,6 +24,7 @@ struct LocalModel {
   [[nodiscard]] TreeView view() const { return tree.view(grid); }
 };
 
+/// Where the time went: seconds of wall clock, and how many rounds of query and split.
 struct CertifyTimes {
   double refine_s = 0, tree_s = 0, query_s = 0;
   std::uint32_t rounds = 0;

@@ -66,18 +66,18 @@ struct RayAnswer {
 struct PointAnswer {
   ProbeStatus status = ProbeStatus::kUncertain;  ///< hit: inside or on the surface; miss: outside
   bool on_surface = false;
-  std::uint32_t missing = 0;
+  std::uint32_t missing = 0;  ///< how many nodes this answer lacks
 };
 
-/// A closed ball.
+/// A closed ball, world frame; its radius at least 0.
 struct BallProbe {
   std::array<double, 3> center_m{};
   double radius_m = 0;
 };
 /// A closed box about the origin of its own frame.
 struct BoxProbe {
-  Pose pose;
-  std::array<double, 3> half_m{};
+  Pose pose;                       ///< of that frame in the world
+  std::array<double, 3> half_m{};  ///< half of its extent along each of the frame's axes, 0 to 1e9
 };
 /// Whether a ball or a box, filled, meets a surface.
 struct ShapeAnswer {
@@ -98,7 +98,7 @@ struct ProbeNeeds {
   [[nodiscard]] bool is_nothing() const { return missing.empty(); }
 };
 
-/// Each of these answers a batch. Preconditions (asserted): as many answers as probes.
+/// Each of these answers a batch of probes in the world against a body in a pose. Preconditions (asserted): as many answers as probes.
 /// Errors: kInvalidArgument naming the probe by its place, or as check_pose; kUnsupported as make_posed_frame.
 /// Deterministic. Threads: views may be shared. Cost of a ray: O(log faces) near it, some 0.3 us on held terrain.
 [[nodiscard]] Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose,

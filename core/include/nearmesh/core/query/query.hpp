@@ -7,8 +7,7 @@
 // Why a certified answer is right. A face is exact when its three vertices stand for themselves alone: it is then a face
 // of the full mesh, in its place. Every other face of the full mesh, held or not, has a vertex in an unresolved node and
 // lies in that node's box, and in the half-spaces that were told of it. So where nothing of the other body meets what these
-// have in common, no face but exact ones
-// can touch, and the exact pairs are all there are. Nothing is assumed of the simplifier. core/THEOREM.md states and
+// have in common, no face but exact ones can touch, and the exact pairs are all there are. Nothing is assumed of the simplifier. core/THEOREM.md states and
 // proves it, with what follows for distances, insides and motions, and says which test holds which step.
 // Both sides use the fixed-point pose of geometry/pose.hpp, so the full-mesh reference and the certified answer agree
 // bit by bit.

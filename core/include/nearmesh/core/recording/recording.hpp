@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// The file of a recorded session: every sample as the bytes that were on the wire, with who wrote it and when. Takes and
+// A recording: every sample as the bytes that were on the wire, with who wrote it and when. Takes and
 // gives bytes and names only; what they mean is the wire's business (nearmesh/idl/dds/payload.hpp).
 // The tables `topics` and `messages` are laid out as rosbag2's SQLite storage does (schema 4), so its tools list and extract
 // them; `message_definitions` holds the IDL. Everything else is in tables of our own, whose names begin with nearmesh_.
@@ -26,7 +26,7 @@ using EndpointGuid = std::array<std::uint8_t, 16>;
 
 /// What is known from the start. Version of the file format: kRecordingVersion.
 struct RecordingFacts {
-  std::uint64_t session = 0;  ///< the same in all parts of a recording
+  std::uint64_t session = 0;  ///< names the recording: the same in all of its parts
   std::uint32_t part = 0;     ///< counts up from 0
   std::uint32_t wire_version = 0;
   std::string prefix;  ///< of the topics' names

@@ -15,7 +15,7 @@ namespace nearmesh::wire {
 /// user transports that are the same. A transport that has one keeps it. Cost: below a microsecond a message; one thread.
 /// Of a secured participant (properties identity_ca and identity_certificate as files) the list of revoked certificates, named
 /// identity_crl or beside the certificate, and the certificates' ends are looked at every `identity_period_s`: who has none that
-/// counts is not heard any more (docs/security.md).
+/// counts is not heard any more (docs/security.md). Seconds, above 0.
 /// What changes beside what is refused: Fast DDS's own statistics of the network are not received, and a participant's lease is
 /// watched here instead of by Fast DDS, whose timers can end the process (docs/network.md).
 void add_door(eprosima::fastdds::dds::DomainParticipantQos& qos, double identity_period_s = 10);

@@ -12,20 +12,22 @@
 
 namespace nearmesh::wire {
 
+/// Threads: any number may read of one. It holds nothing but the places of the topics; samples come from RecordingReader::read().
 class RecordedSamples {
  public:
   /// The recording must outlive it. Errors: as check_recorded_version.
   [[nodiscard]] static Result<RecordedSamples> of(const RecordingReader& recording);
 
-  /// By index into the recording's topics; none for a topic that is not in the table.
+  /// By index into the recording's topics (RecordingReader::topics()), which must be one of these; none for a topic that is not in the table.
   [[nodiscard]] std::optional<TopicPlace> place_of(std::uint32_t topic) const {
     return places_[topic];
   }
+  /// Whether the sample is of the topic that carries such messages. In: a sample of that recording.
   template <class Message>
   [[nodiscard]] bool is(const RecordedMessage& sample) const {
     return places_[recording_->writers()[sample.writer].topic] == wire::place_of<Message>();
   }
-  /// Nothing where the sample is of another topic, or does not decode.
+  /// The sample as a message. Nothing where it is of another topic, or does not decode: decode_payload() says why. Cost: of decoding it.
   template <class Message>
   [[nodiscard]] std::optional<Message> read(const RecordedMessage& sample) const {
     if (!is<Message>(sample)) return std::nullopt;
@@ -33,7 +35,7 @@ class RecordedSamples {
     if (!message.is_ok()) return std::nullopt;
     return std::move(message).value();
   }
-  /// Of either topic of poses.
+  /// The same of either topic of poses, body_poses and near_poses.
   [[nodiscard]] std::optional<BodyPoses> read_poses(const RecordedMessage& sample) const {
     if (std::optional<NearPoses> near = read<NearPoses>(sample)) return std::move(*near);
     return read<BodyPoses>(sample);

@@ -25,6 +25,7 @@ inline constexpr Transport kTransports[] = {Transport::kLan, Transport::kThin, T
 [[nodiscard]] const char* to_string(Transport transport);
 [[nodiscard]] std::optional<Transport> transport_of(std::string_view name);
 
+/// Who joins holds them to their ranges, and names the one that is not in its own (DdsChannel::create).
 struct TransportOptions {
   /// What this process is called in logs, status and recordings, for people: 1 to 63 bytes of printable ASCII without blanks at
   /// the ends. "" for HOST/PROCESS.
@@ -44,16 +45,18 @@ struct TransportOptions {
   /// "ADDRESS" or "ADDRESS:PORT" of a Fast DDS discovery server (id 0; kDefaultServerPort), through
   /// which alone others are then found. "": none.
   std::string discovery_server;
-  std::uint16_t listen_port = 0;             ///< of kTcp; 0: does not listen
-  std::uint32_t participants_per_peer = 16;  ///< how many are looked for at each such address
-  double lease_s = 20;  ///< a process silent for so long is forgotten: it joins anew
+  std::uint16_t listen_port = 0;  ///< of kTcp; 0: does not listen
+  std::uint32_t participants_per_peer =
+      16;  ///< how many are looked for at each such address, 1 to 120
+  double lease_s =
+      20;  ///< a process silent for so long is forgotten: it joins anew; seconds, at least 2 announcement_s
   /// A process silent for so long is taken for lost, until it is heard again; above announcement_s. Needs a door (door.hpp).
   double silence_s = 3;
-  double announcement_s = 1;  ///< period of life signs; below lease_s / 2
+  double announcement_s = 1;  ///< period of life signs; seconds, above 0
   double identity_period_s =
-      10;  ///< how often it is looked whose certificate counts, where there is security
+      10;  ///< how often all certificates are looked at, where there is security: expired, or revoked? Seconds, above 0
   double heartbeat_s =
-      0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
+      0.1;  ///< how soon a lost datagram is noticed; seconds, above 0. Fast DDS's own 3 s stall streams
 };
 inline constexpr std::uint16_t kDefaultTcpPort = 5100;
 inline constexpr std::uint16_t kDefaultServerPort = 11811;

@@ -2,8 +2,8 @@
 #pragma once
 // API (docs/api.md).
 // What travels between publisher and peers, as plain structs: no DDS type is seen outside the rooms named dds.
-// Every struct is checked on receipt (check_*): sizes, counts, enums and finite numbers; a sample that
-// fails is dropped with one line that says why, and nothing else notices.
+// Every struct is checked on receipt by check(): sizes, counts, enums and finite numbers. A sample that
+// fails is dropped with one line that says why, and nothing else notices. Lengths are metres, times seconds, ids 64 bits.
 
 #include <array>
 #include <cstdint>
@@ -534,6 +534,8 @@ struct Probe : Echo {};
                                                     const ContentHash& unknown_state,
                                                     bool wants_regions);
 
+/// Whether a message may go out, or be believed as far as its own fields tell. Errors: kUnsupported for another wire version, kInvalidArgument
+/// naming the field, what was expected and what was found. Cost: linear in the message.
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);

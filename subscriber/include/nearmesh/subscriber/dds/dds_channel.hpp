@@ -19,7 +19,8 @@ namespace nearmesh::subscriber {
 
 struct DdsChannelOptions {
   wire::TransportOptions transport;
-  wire::SessionId session = 0;  ///< 0: random
+  wire::SessionId session =
+      0;  ///< this peer's number on the bus, unlike all others'; 0: one drawn at random
   /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
   /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
   /// was made here is removed. Must outlive the channel.
@@ -75,7 +76,7 @@ class DdsChannel final : public Channel {
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;
-  /// For programs without a frame loop: blocks until take() has something, or the time is over.
+  /// For programs without a frame loop: blocks until take() has something, or so many seconds (at least 0) are over.
   void wait(double seconds);
 
  private:

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// How a peer reaches publishers and other peers. Two implementations: DDS (dds_channel.cpp), whose own thread makes every
-// DDS call so that the host's never does, and one in memory for tests. All functions are non-blocking.
+// How a session reaches publishers and other peers. DdsChannel (subscriber/dds/dds_channel.hpp) does it over DDS: its own thread makes every
+// DDS call, so that the host's never does. LocalChannel (local_channel.hpp) needs no network. A host may write one of its own.
 
 #include <map>
 #include <string>
@@ -12,10 +12,15 @@
 
 namespace nearmesh::subscriber {
 
+/// What a session says goes out through these functions, what it hears comes out of take(). Messages that a channel hands over must pass
+/// wire::check(); times in them are seconds on the exercise's clock.
+/// Threads: a session calls one at a time, from the thread of its own caller. No function may block or throw anything but std::bad_alloc: what it
+/// throws comes out of the session's call, and is that session's end (Session::update).
 class Channel {
  public:
   virtual ~Channel() = default;
 
+  /// This peer's number: never 0, and the same as long as the channel lives.
   [[nodiscard]] virtual wire::SessionId own_id() const = 0;
   /// Batches that answer it are acknowledged by the channel, as they come and with the window named here: the publisher learns
   /// the pace of the link that way, not of the host's frames.
@@ -30,6 +35,7 @@ class Channel {
   virtual void send_near(const wire::NearPoses&) {}
   /// For the mover that it names.
   virtual void want(const wire::WantedPoses&) {}
+  /// An answer about a pair, for whoever listens.
   virtual void send(const wire::ContactReport& report) = 0;
 
   /// How long a channel may work that answers requests itself, until this is called again, seconds. One that has waited long takes

@@ -67,11 +67,11 @@ struct SessionOptions {
   std::uint32_t window_bytes = 64 * 1024;
   /// A request without an answer is repeated after this, of another publisher where there is one. Seconds, 1e-4 to 3600.
   double request_timeout_s = 0.5;
-  std::uint32_t max_held_splits =
-      0;  ///< above this, detail far from every body is given up; 0: no limit. All detail of a model that nothing was near for 10 s of the
-          ///< exercise's time is given up in any case, unless there is a cache_folder
-  /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared. Seconds; 0:
-  /// never. Who lied is named and not asked again; so is who does not answer three times.
+  /// Above this, detail far from every body is given up; 0: no limit. All detail of a model that nothing was near for 10 s of the
+  /// exercise's time is given up in any case, unless there is a cache_folder.
+  std::uint32_t max_held_splits = 0;
+  /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared. Seconds, 0 or
+  /// more; 0: never. Who lied is named and not asked again; so is who does not answer three times.
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
   std::uint64_t audit_seed = 0;
@@ -83,8 +83,8 @@ struct SessionOptions {
   /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
   /// header, written by write_cache() and at the session's end.
   std::string cache_folder;
-  bool contacts =
-      false;  ///< work out where bodies touch, and follow each contact: PairAnswer::contacts, FrameReport::contact_events
+  /// Work out where bodies touch, and follow each contact: PairAnswer::contacts, FrameReport::contact_events.
+  bool contacts = false;
   /// Also work out how deep bodies are in each other: PairAnswer::depth. Implies `contacts`. What it lacks is asked for. Some 0.1 to 5 ms for a pair that touches.
   bool depth = false;
   /// Of each answer, as in QueryOptions (core/query/query.hpp). `max_tests` is some 10 to 50 ms, a hundred times what an ordinary
@@ -101,8 +101,8 @@ struct SessionOptions {
   /// session; a job never throws, never waits and calls nothing of the host's. A job that it leaves out is run afterwards, one that it runs
   /// twice is run once. What it throws comes out of update() at the end: all is done then but the report, which is lost.
   RunJobs run_jobs;
-  bool publish_reports =
-      true;  ///< send a ContactReport of each answer, and again when it changes within a frame
+  /// Send a ContactReport of each answer, and again when it changes within a frame. Without them no recording proves this peer's answers.
+  bool publish_reports = true;
 };
 /// Whether all numbers are in their ranges: certified answers rest on some of them. Of a session with others every update() fails.
 /// Errors: kInvalidArgument naming the option, what it is and what is expected.
@@ -133,8 +133,8 @@ struct PairAnswer {
   /// Not certified for want of detail: of which model, and whether any publisher is there that sends it; or since the search was
   /// ended by its tests. Else empty.
   std::string awaited;
-  bool asked =
-      false;  ///< headers and fresh poses were there, so the trees were asked, or need not be: it stayed free (SessionOptions::clearance)
+  /// Headers and fresh poses were there, so the trees were asked, or need not be: it stayed free (SessionOptions::clearance).
+  bool asked = false;
   /// Headers and fresh poses were there, but its turn did not come within the budget, or ended before it was answered: not asked, and
   /// nothing is known of this frame.
   bool put_off = false;
@@ -236,6 +236,7 @@ struct FrameReport {
   [[nodiscard]] const PairAnswer* find(BodyId a, BodyId b) const;
 };
 
+/// Counts since a session began; what it holds are those of now.
 struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
