@@ -13,6 +13,7 @@
 #include "idl/dds/room.hpp"
 #include "idl/messages/contents.hpp"
 #include "idl/messages/process_name.hpp"
+#include "idl/messages/status_keeper.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh::subscriber {
@@ -115,7 +116,10 @@ class DdsMonitor::Impl {
         heard);
     const bool more_statuses = status_reader_.drain(
         kMaxHeard, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
-          processes_[writer] = std::move(status);
+          const auto [known, is_new] = processes_.try_emplace(writer);
+          if (is_new) known->second.turn = ++turns_;
+          known->second.status = std::move(status);
+          known->second.heard_s = clock_.seconds();
         });
     const bool more_regions = report_reader_.is_open() && take_regions();
     if (more || more_statuses || more_regions) mailbox_.wake();
@@ -132,10 +136,11 @@ class DdsMonitor::Impl {
     std::map<wire::SessionId, wire::Hello> publishers;
     for (const auto& [writer, hello] : hellos_) publishers[hello.publisher] = hello;
     for (const auto& [id, hello] : publishers) view.publishers.push_back(hello);
-    std::map<wire::SessionId, wire::ProcessStatus> processes;
-    for (const auto& [writer, status] : processes_) processes[status.session] = status;
-    for (const auto& [id, status] : processes) view.processes.push_back(status);
+    std::vector<std::string> claimed;
+    for (const auto& [writer, process] : those_who_speak(claimed))
+      view.processes.push_back(process->status);
     view.errors = conflicts(view.publishers, view.processes);
+    view.errors.insert(view.errors.end(), claimed.begin(), claimed.end());
     view.refusals = refusals_;
     const double now_s = clock_.seconds();
     for (const auto& [key, region] : regions_)
@@ -151,6 +156,36 @@ class DdsMonitor::Impl {
   }
 
  private:
+  struct Process {
+    wire::ProcessStatus status;
+    std::uint64_t turn = 0;  ///< in which its writer was heard first
+    double heard_s = 0;
+  };
+  /// One of each session, by session: who was heard first of those that still give signs of life. Who joined anew is one of two until its old self
+  /// is missed, so that alone is no error; where two go on, one is a stranger.
+  std::vector<std::pair<Handle, const Process*>> those_who_speak(
+      std::vector<std::string>& claimed) const {
+    const double since_s = clock_.seconds() - 3 * wire::kStatusPeriod_s;
+    std::map<wire::SessionId, std::vector<std::pair<Handle, const Process*>>> by_session;
+    for (const auto& [writer, process] : processes_)
+      by_session[process.status.session].emplace_back(writer, &process);
+    std::vector<std::pair<Handle, const Process*>> first;
+    for (auto& [session, all] : by_session) {
+      std::sort(all.begin(), all.end(), [since_s](const auto& one, const auto& other) {
+        return std::pair(one.second->heard_s < since_s, one.second->turn) <
+               std::pair(other.second->heard_s < since_s, other.second->turn);
+      });
+      first.push_back(all.front());
+      if (all.size() < 2 || all[1].second->heard_s < since_s) continue;
+      claimed.push_back("process " + wire::called(session, all[0].second->status.name) + ": " +
+                        wire::name_of(all[0].first, mailbox_) + " and " +
+                        wire::name_of(all[1].first, mailbox_) +
+                        " both say that they are it, what the second says is not shown: stop "
+                        "whichever is not");
+    }
+    return first;
+  }
+
   /// Out: true when there may be more.
   bool take_regions() {
     const double now_s = clock_.seconds();
@@ -228,7 +263,8 @@ class DdsMonitor::Impl {
   wire::Reader<wire::RegionSubscription> request_reader_{mailbox_};
   wire::SilenceWatch silence_;
   std::map<Handle, wire::Hello> hellos_;
-  std::map<Handle, wire::ProcessStatus> processes_;
+  std::map<Handle, Process> processes_;  ///< by writer
+  std::uint64_t turns_ = 0;
   struct Region {
     wire::ContactReport report;
     Handle writer;

@@ -34,7 +34,7 @@ struct BusView {
   std::vector<wire::Hello> publishers;
   std::vector<wire::ProcessStatus> processes;
   /// What is wrong on the bus now and people must mend, one line each: one model name with two contents, a peer with
-  /// another content than is served.
+  /// another content than is served, two processes that speak as one.
   std::vector<std::string> errors;
   /// Seen from here, one line each, in the order in which they were noticed: other wire versions and types, incompatible
   /// QoS, malformed samples, publishers that were matched but are not heard.

@@ -298,6 +298,35 @@ TEST(DdsChannel, MonitorHearsStatusOfBothSidesAndForgetsWhoLeft) {
   EXPECT_TRUE(monitor.value()->view().refusals.empty());
 }
 
+TEST(DdsChannel, MonitorShowsWhoSpokeFirstAsAProcessAndNamesWhoSpeaksAsItToo) {
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
+  std::vector<std::unique_ptr<PeerChannel>> peers;
+  const auto shows = [&](const std::string& host, std::size_t errors) {
+    return wait_for([&] {
+      // One after the other: of a process a reader keeps what was said last.
+      for (std::size_t i = 0; i < peers.size(); ++i) {
+        wire::ProcessStatus status;
+        status.session = 8;
+        status.host = "rig " + std::to_string(i);
+        if (peers[i]) peers[i]->tell(status);
+        for (int k = 0; k < 3; ++k) monitor.value()->listen(0.02);
+      }
+      const subscriber::BusView view = monitor.value()->view();
+      return view.processes.size() == 1 && view.processes[0].host == host &&
+             view.errors.size() == errors;
+    });
+  };
+  peers.push_back(make_peer(own_prefix()));
+  ASSERT_TRUE(shows("rig 0", 0));
+  // Of several, some come before the first by their number on the bus.
+  for (int i = 0; i < 3; ++i) peers.push_back(make_peer(own_prefix()));
+  ASSERT_TRUE(shows("rig 0", 1));
+  EXPECT_NE(monitor.value()->view().errors[0].find("both say that they are it"), std::string::npos);
+  peers.resize(1);
+  EXPECT_TRUE(shows("rig 0", 0));
+}
+
 TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
   auto one = make_publisher(own_prefix()), other = make_publisher(own_prefix());
   wire::Hello hello = hello_of(kChildPublisher);
