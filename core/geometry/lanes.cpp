@@ -115,8 +115,8 @@ HWY_INLINE Vec gap_on_other(const RelativeFrame& f, const PlacedLanes& other, st
                          hn::Set(Doubles(), other.reach_other[j][i])));
 }
 
-void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
-                      const BoxLanes& own, double* gaps_m) {
+void find_box_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                         const BoxLanes& own, BoxGaps& gaps) {
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   const Vec zero = hn::Zero(d);
@@ -135,13 +135,15 @@ void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uin
       square = hn::Add(square, hn::Mul(n, n));
     }
     const SlabGaps slabs = slab_gaps(f, other, i, own, lane, between, half);
-    const Vec by_slab = hn::Max(hn::Mul(slabs.on_other, at(per_length)),
-                                hn::Div(slabs.on_own, hn::Sqrt(hn::Max(square, at(1)))));
-    const Vec in_own = hn::Max(hn::Sqrt(on_own), by_slab);
-    hn::StoreU(hn::Mul(hn::Max(hn::Mul(in_own, at(f.least_metres_per_unit)),
+    const Vec by_own =
+        hn::Max(hn::Div(slabs.on_own, hn::Sqrt(hn::Max(square, at(1)))), hn::Sqrt(on_own));
+    const Vec by_other = hn::Mul(slabs.on_other, at(per_length));
+    hn::StoreU(hn::Mul(hn::Mul(by_own, at(f.least_metres_per_unit)), at(kGapShrink)), d,
+               gaps.on_own_m + lane);
+    hn::StoreU(hn::Mul(hn::Max(hn::Mul(by_other, at(f.least_metres_per_unit)),
                                hn::Mul(hn::Sqrt(on_other), at(f.least_metres_per_b_unit))),
                        at(kGapShrink)),
-               d, gaps_m + lane);
+               d, gaps.on_other_m + lane);
   }
 }
 
@@ -152,15 +154,15 @@ HWY_AFTER_NAMESPACE();
 namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
-HWY_EXPORT(boxes_gaps_lanes);
+HWY_EXPORT(find_box_gaps_lanes);
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
 }
 
-void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
-                  std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]) {
-  HWY_DYNAMIC_DISPATCH(boxes_gaps_lanes)(other_in_own, other, other_lane, own, gaps_m);
+void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                   std::uint32_t other_lane, const BoxLanes& own, BoxGaps& gaps) {
+  HWY_DYNAMIC_DISPATCH(find_box_gaps_lanes)(other_in_own, other, other_lane, own, gaps);
 }
 
 }  // namespace nearmesh

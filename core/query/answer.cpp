@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "answer.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -147,19 +148,23 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
 // Why the walk would find nothing. The search for the bound goes down from pair to pair of parts as the walk does, and each pair of
 // ends lies below a pair whose gap it found to be `clearance_m` at least: along three axes of one body together, so that one of them has
 // 0.57 of it, or along a slab's normal. A motion changes that by less than boxes_moved_m, of which four are not more: the walk, which
-// tries the same axes and normals, parts that pair. Exact faces are as far apart as clearance_left() says.
+// tries the same axes and normals, parts that pair. The same goes for what axes and normals of the larger body alone show, from which
+// what floats lose is off already, so that two are enough. Exact faces are as far apart as clearance_left() says.
 std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b, const KeptFree& kept,
                                    const ClearanceLeft& left, const AnswerOptions& options) {
   if (options.clearance != Clearance::kBound || options.max_tests < kFreeTests ||
-      !std::isfinite(kept.distance_at_most_m) || !(4 * left.boxes_moved_m <= kept.clearance_m))
+      !std::isfinite(kept.distance_at_most_m))
     return std::nullopt;
+  double clearance_m = 0;
+  if (4 * left.boxes_moved_m <= kept.clearance_m)
+    clearance_m = kept.clearance_m - left.boxes_moved_m;
+  if (2 * left.moved_by_larger_m <= kept.clearance_by_larger_m)
+    clearance_m = std::max(clearance_m, kept.clearance_by_larger_m - left.moved_by_larger_m);
+  if (!(clearance_m > 0)) return std::nullopt;
   Answered all;
   Answer& now = all.answer;
   now.status = AnswerStatus::kFree;
-  now.clearance_m = kept.clearance_m - left.boxes_moved_m;
-  // Nor has the greatest that what is held allows grown by more.
-  now.clearance_share =
-      now.clearance_m / (kept.clearance_m / kept.clearance_share + left.boxes_moved_m);
+  now.clearance_m = clearance_m;
   now.nearest_a_m = carried(kept.pose_a, a.motion.pose, kept.nearest_a_m);
   now.nearest_b_m = carried(kept.pose_b, b.motion.pose, kept.nearest_b_m);
   std::array<double, 3> way;
@@ -170,6 +175,10 @@ std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b, const
     now.nearest_b_m = kept.nearest_b_m;
     now.distance_at_most_m = kept.distance_at_most_m;
   }
+  // The greatest that what is held allows has grown by no more, and is no more than the distance.
+  now.clearance_share =
+      now.clearance_m / std::min(kept.clearance_m / kept.clearance_share + left.boxes_moved_m,
+                                 std::max(now.distance_at_most_m, now.clearance_m));
   all.safe_horizon_s =
       safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
   if (options.sweep_s <= 0) return all;

@@ -61,7 +61,7 @@ struct Answered {
 
 /// A certified answer about two bodies that nothing of touched, to be kept for the poses that follow.
 struct KeptFree {
-  double clearance_m = 0, clearance_share = 0;  ///< as in Answer, and so are these
+  double clearance_m = 0, clearance_share = 0, clearance_by_larger_m = 0;  ///< as in Answer
   double distance_at_most_m = std::numeric_limits<double>::infinity();
   std::array<double, 3> nearest_a_m{}, nearest_b_m{};
   Pose pose_a, pose_b;  ///< that it was about

@@ -5,15 +5,21 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <queue>
 #include <utility>
+#include <vector>
 
+#include "clearance_left.hpp"
+#include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/nearest_points.hpp"
 
 namespace nearmesh {
 namespace {
 
 using Kind = TreeEntry::Kind;
+
+/// Of the sizes of two boxes: what the walk's floats may lose of a gap along one axis or slab (box_kernels.hpp: 2^-16 of both), where
+/// of a gap along three axes together one has 0.57.
+constexpr double kLostOfSize = 0x1p-15;
 
 /// One tree's nodes as the other body sees them, the latest few of them: a search comes back to the same ones.
 class PlacedNodes {
@@ -45,6 +51,9 @@ class PlacedNodes {
 /// First it dives: from pair to pair below the nearest one, down to two ends. What it finds there says how near is near
 /// enough, so that few pairs need be queued. A pair whose gap is more than the share that is sought of the least distance found
 /// changes nothing, and is left out.
+///
+/// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the walk's floats may lose of that. Every pair of
+/// faces lies below some pair that was counted, queued or left out, so the least that these say is a bound as well.
 class NearestSearch {
  public:
   NearestSearch(const Scene& scene, Clearance sought, QueryStats& stats)
@@ -52,26 +61,31 @@ class NearestSearch {
         stats_(stats),
         share_(sought == Clearance::kExact ? 1 : kClearanceShare),
         max_steps_(sought == Clearance::kExact ? 65'536 : 256),
+        is_a_larger_(is_first_larger(reach_m(*scene.a.grid, scene.a.root().box),
+                                     reach_m(*scene.b.grid, scene.b.root().box))),
         placed_a_(scene.a, scene.a_in_b()),
         placed_b_(scene.b, scene.b_in_a) {}
 
   DistanceBounds run() {
-    for (std::optional<Gap> next = Gap{0, order_++, 0, 0}; next;) {
+    for (std::optional<Gap> next = Gap{0, 0, order_++, 0, 0}; next;) {
       nearest_below_.reset();
       is_diving_ = true;
       visit(*next);
       next = nearest_below_;
     }
     is_diving_ = false;
-    for (int step = 0; !queue_.empty() && is_of_use(queue_.top().gap); ++step) {
+    for (int step = 0; !queue_.empty() && is_of_use(queue_.front().gap); ++step) {
       if (step == max_steps_) break;
-      const Gap top = queue_.top();
-      queue_.pop();
+      std::pop_heap(queue_.begin(), queue_.end());
+      const Gap top = queue_.back();
+      queue_.pop_back();
       visit(top);
     }
-    if (!queue_.empty()) least_left_ = std::min(least_left_, queue_.top().gap);
+    for (const Gap& left : queue_) leave_out(left.gap, left.by_larger);
     const double bound = std::min(found_, least_left_);
-    return with_points({.at_least_m = bound, .share = found_ == bound ? 1 : bound / found_});
+    return with_points({.at_least_m = bound,
+                        .share = found_ == bound ? 1 : bound / found_,
+                        .by_larger_m = by_larger_});
   }
 
  private:
@@ -79,7 +93,7 @@ class NearestSearch {
   // arrays would not do: they depend on what was refined before, and which of two equals is looked at may change the
   // bound.
   struct Gap {
-    double gap;
+    double gap, by_larger;
     std::uint32_t order;
     TreePlace a, b;
     bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
@@ -90,15 +104,19 @@ class NearestSearch {
   void visit(const Gap& top) {
     const Part a(s_.a, top.a), b(s_.b, top.b);
     if (opens_a(s_, a, b)) {
-      offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b.lane, s_.a.nodes[a.first()],
+      offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b.lane, s_.a.nodes[a.first()], s_.cell_a_m,
+            b.size() * s_.cell_b_m, is_a_larger_,
             [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
     } else if (b.kind() == Kind::kInner) {
-      offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a.lane, s_.b.nodes[b.first()],
+      offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a.lane, s_.b.nodes[b.first()], s_.cell_b_m,
+            a.size() * s_.cell_a_m, !is_a_larger_,
             [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
     } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
       hold_faces(a, b);
     } else {
-      found_ = std::min(found_, top.gap);  // an unresolved node: its box stands for what is in it
+      // An unresolved node: its box stands for what is in it.
+      found_ = std::min(found_, top.gap);
+      by_larger_ = std::min(by_larger_, top.by_larger);
       hold_corners(a, b);
     }
   }
@@ -106,16 +124,20 @@ class NearestSearch {
   // Queues the lanes of a node, in a dive all but the nearest.
   template <class PairOf>
   void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& other,
-             std::uint32_t other_lane, const TreeNode& own, const PairOf& pair_of) {
-    double gaps_m[kLanes];
-    boxes_gaps_m(other_in_own, other, other_lane, own.boxes, gaps_m);
+             std::uint32_t other_lane, const TreeNode& own, double own_cell_m, double other_size_m,
+             bool is_own_larger, const PairOf& pair_of) {
+    BoxGaps gaps;
+    find_box_gaps(other_in_own, other, other_lane, own.boxes, gaps);
+    const auto& by_larger_m = is_own_larger ? gaps.on_own_m : gaps.on_other_m;
     stats_.box_tests += kLanes;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
       if ((own.lanes >> lane & 1U) == 0) continue;
       const auto [place_a, place_b] = pair_of(lane);
-      const double gap = std::max(gaps_m[lane], top.gap);  // what holds above holds below
-      Gap offered{gap, order_++, place_a, place_b};
-      if (is_diving_ && (!nearest_below_ || gap < nearest_below_->gap)) {
+      const double lost_m = kLostOfSize * (own.size[lane] * own_cell_m + other_size_m);
+      // What holds above holds below.
+      Gap offered{std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane]}),
+                  std::max(top.by_larger, by_larger_m[lane] - lost_m), order_++, place_a, place_b};
+      if (is_diving_ && (!nearest_below_ || offered.gap < nearest_below_->gap)) {
         if (!nearest_below_) {
           nearest_below_ = offered;
           continue;
@@ -123,14 +145,20 @@ class NearestSearch {
         std::swap(*nearest_below_, offered);
       }
       if (is_of_use(offered.gap)) {
-        queue_.push(offered);
+        queue_.push_back(offered);
+        std::push_heap(queue_.begin(), queue_.end());
       } else {
-        least_left_ = std::min(least_left_, offered.gap);
+        leave_out(offered.gap, offered.by_larger);
       }
     }
   }
 
-  // The least gap of two blocks' faces, where it is of use. Most pairs are settled by their extents.
+  void leave_out(double gap, double by_larger) {
+    least_left_ = std::min(least_left_, gap);
+    by_larger_ = std::min(by_larger_, by_larger);
+  }
+
+  // The least gap of two blocks' faces, where it is of use. Most pairs are settled by their extents. Faces are apart whichever axis shows it.
   void hold_faces(const Part& a, const Part& b) {
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
     PlacedTriangles placed_b;
@@ -142,12 +170,13 @@ class NearestSearch {
       double least_m = kFar;
       for (std::uint32_t j = 0; j < b.count(); ++j) least_m = std::min(least_m, gaps_m[j]);
       if (!is_of_use(least_m)) {
-        least_left_ = std::min(least_left_, least_m);
+        leave_out(least_m, least_m);
         continue;
       }
       triangles_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
       for (std::uint32_t j = 0; j < b.count(); ++j) {
         found_ = std::min(found_, gaps_m[j]);
+        by_larger_ = std::min(by_larger_, gaps_m[j]);
         offer_nearest(gaps_m[j], block_a.triangles.corners(i), block_b.triangles.corners(j));
       }
     }
@@ -202,13 +231,14 @@ class NearestSearch {
   QueryStats& stats_;
   const double share_;  // of the least distance found: a bound of so much is enough
   const int max_steps_;
+  const bool is_a_larger_;
   PlacedNodes placed_a_, placed_b_;
-  std::priority_queue<Gap> queue_;
+  std::vector<Gap> queue_;  // a heap, the least gap first
   std::uint32_t order_ = 0;
   bool is_diving_ = false;
   std::optional<Gap> nearest_below_;  // of what the dive has just opened
   static constexpr double kFar = std::numeric_limits<double>::infinity();
-  double found_ = kFar, least_left_ = kFar;
+  double found_ = kFar, least_left_ = kFar, by_larger_ = kFar;
   // The nearest that are known to be there, by what was found of them on the way.
   double nearest_m_ = kFar;
   Corners nearest_a_, nearest_b_;
@@ -217,8 +247,9 @@ class NearestSearch {
 }  // namespace
 
 DistanceBounds find_distance(const Scene& scene, Clearance sought, QueryStats& stats) {
+  constexpr double kNowhere = std::numeric_limits<double>::infinity();
   if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
-    return {.at_least_m = std::numeric_limits<double>::infinity(), .share = 1};
+    return {.at_least_m = kNowhere, .share = 1, .by_larger_m = kNowhere};
   return NearestSearch(scene, sought, stats).run();
 }
 

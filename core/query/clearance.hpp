@@ -8,7 +8,8 @@ namespace nearmesh {
 
 struct DistanceBounds {
   double at_least_m = 0;
-  double share = 0;  ///< Answer::clearance_share
+  double share = 0;        ///< Answer::clearance_share
+  double by_larger_m = 0;  ///< Answer::clearance_by_larger_m
   /// As Answer::distance_at_most_m and the points there.
   double at_most_m = std::numeric_limits<double>::infinity();
   std::array<double, 3> nearest_a_m{}, nearest_b_m{};

@@ -3,6 +3,12 @@
 // Frobenius norm for the first; no rotation is assumed to be one. The full mesh lies in the root's box, so |x| is at most its
 // reach. What both bodies are shifted by alike changes no distance: of the shifts their difference counts. The answer was about posed points, each within posing_error_m of R x + T, and so is what is asked now, or later: two
 // errors of each body, of the pose that is farther out. posing_error_m's share of a lattice is 1.7322 cells.
+//
+// Gaps. A test of boxes sees a point x of one body at y = S^-1 (R x + d) in the other's frame, S being that one's rotation and d the way between the
+// origins. y goes |S' - S| |R' x + d'| + |R' - R| |x| + |d' - d| at most, so a gap along an axis or a normal of that frame
+// changes by no more, and three axes together by sqrt(3) of it. A box is within its body's reach, whichever of the two it is of: where both frames
+// may have shown the gap each turn counts with the reach of both and the way between them; where it was the larger body's, a turn of the
+// smaller one counts with the smaller one's reach alone. Factors 3 are for sqrt(3), and for rotations that are so but for 1e-5.
 #include "clearance_left.hpp"
 
 #include <algorithm>
@@ -23,6 +29,8 @@ double distance(const std::array<double, kCount>& p, const std::array<double, kC
   for (std::size_t k = 0; k < kCount; ++k) square += (p[k] - q[k]) * (p[k] - q[k]);
   return std::sqrt(square) * kRoundUp;
 }
+
+double turn_of(const MovedBody& body) { return distance(body.then.rotation, body.now.rotation); }
 
 }  // namespace
 
@@ -49,7 +57,7 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
   bool has_moved = false;
   for (const MovedBody* body : {&a, &b}) {
     const double way_m = distance(body->then.translation_m, body->now.translation_m);
-    const double turn = distance(body->then.rotation, body->now.rotation);
+    const double turn = turn_of(*body);
     has_moved |= way_m > 0 || turn > 0;
     moved_m += turn * body->reach.reach_m;
     turned += turn;
@@ -68,8 +76,15 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
   if (has_moved) {
     const double apart_m = distance(a.now.translation_m, b.now.translation_m);
     left.error_m = error_m * kRoundUp;
+    const double shift_m = distance(shift_a, shift_b);
     left.boxes_moved_m =
         (moved_m + 3 * turned * (reach_m + apart_m) + error_m + 0x1p-16 * (reach_m + apart_m)) *
+        kRoundUp;
+    const bool is_a_larger = is_first_larger(a.reach.reach_m, b.reach.reach_m);
+    const MovedBody &larger = is_a_larger ? a : b, &smaller = is_a_larger ? b : a;
+    left.moved_by_larger_m =
+        (shift_m + 3 * turn_of(larger) * (reach_m + apart_m) +
+         3 * turn_of(smaller) * smaller.reach.reach_m + error_m + 0x1p-20 * (reach_m + apart_m)) *
         kRoundUp;
   }
   left.clearance_m = guard.keep(left.clearance_m);

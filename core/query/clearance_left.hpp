@@ -15,6 +15,11 @@ struct BodyReach {
 };
 [[nodiscard]] BodyReach reach_of(const TreeView& view, const Motion& motion);
 
+/// Of two bodies that reach so far.
+[[nodiscard]] constexpr bool is_first_larger(double reach_a_m, double reach_b_m) {
+  return reach_a_m >= reach_b_m;
+}
+
 /// A body when the answer was given, and now.
 struct MovedBody {
   const BodyReach& reach;  ///< of the motion that it has now
@@ -32,6 +37,9 @@ struct ClearanceLeft {
   /// Gaps that tests of the two trees find between parts, along the axes of either and normals of their slabs, have changed by less,
   /// metres: what a turn moves far from its centre, and rounding to floats, included.
   double boxes_moved_m = 0;
+  /// The same of gaps along axes and normals of the larger body alone, and but for what floats lose of a box's size: the smaller one may
+  /// turn far from the point about which the larger one is turned.
+  double moved_by_larger_m = 0;
 };
 
 /// Where a certified answer without a pair gave `clearance_m`, about the same two contents: no point of a body has gone farther

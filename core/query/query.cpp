@@ -170,6 +170,7 @@ class Query {
     if (!is_certified(answer_.status)) return;  // what is missing may be nearer
     answer_.clearance_m = bounds.at_least_m;
     answer_.clearance_share = bounds.share;
+    answer_.clearance_by_larger_m = bounds.by_larger_m;
   }
 
   void sort_missing() {

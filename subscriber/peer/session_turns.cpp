@@ -183,6 +183,7 @@ void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, const AskedP
                     .time_s = time_s,
                     .kept = {.clearance_m = result.answer.clearance_m,
                              .clearance_share = result.answer.clearance_share,
+                             .clearance_by_larger_m = result.answer.clearance_by_larger_m,
                              .distance_at_most_m = result.answer.distance_at_most_m,
                              .nearest_a_m = result.answer.nearest_a_m,
                              .nearest_b_m = result.answer.nearest_b_m,

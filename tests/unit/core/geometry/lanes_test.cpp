@@ -248,7 +248,10 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           digest = mix(digest ^ (boxes | bare << 8 | triangles << 16 | pairs.apart << 24));
           digest = mix(digest ^ (pairs.touching | faces << 8));
           double gaps_m[kLanes], extents_m[kLanes];
-          boxes_gaps_m(f, placed, j, a.boxes, gaps_m);
+          BoxGaps gaps;
+          find_box_gaps(f, placed, j, a.boxes, gaps);
+          for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+            gaps_m[lane] = std::max(gaps.on_own_m[lane], gaps.on_other_m[lane]);
           extents_gaps_m(f, as_doubles(a.patches[j][0]), placed_triangles, extents_m);
           for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
             digest = mix(digest ^ std::bit_cast<std::uint64_t>(gaps_m[lane]));

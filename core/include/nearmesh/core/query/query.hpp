@@ -124,6 +124,9 @@ struct Answer {
   /// The bound is at least this share of the greatest that what is held allows: 1 where it was sought to the end, less where the
   /// search was ended by its steps before kClearanceShare was reached. 0: no bound.
   double clearance_share = 0;
+  /// As much of `clearance_m` as boxes along axes of the larger body show, which is the one that reaches farther from its origin (a of equals). It
+  /// lasts while the smaller one turns. Not above 0: nothing.
+  double clearance_by_larger_m = 0;
   /// An upper bound of the distance of the full meshes as they are posed, metres: with `clearance_m` a bracket of it. 0 where faces touch; infinite
   /// without a face, where nothing was looked at (`exhausted`), and with Clearance::kNone. Of a certified answer that was sought to the end
   /// both bounds meet, but for rounding, wherever the nearest faces are exact. Uncertain: of what is held, so a hint how near they are.

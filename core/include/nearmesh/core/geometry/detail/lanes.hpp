@@ -118,10 +118,14 @@ struct PlacedLanes {
 };
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out);
 
-/// Lower bounds, metres, of the distance between one lane of the other model's and each of one's own: the greatest gap
-/// along a slab's normal, or along a box's three axes together; 0 where none parts them. Unused lanes: any.
-void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
-                  std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]);
+/// Lower bounds, metres, of the distance between one lane of the other model's and each of one's own: the greater of the gaps
+/// along a slab's normal, and along a box's three axes together; 0 where none parts them. Unused lanes: any.
+struct BoxGaps {
+  double on_own_m[kLanes];    ///< by own boxes' axes and slabs
+  double on_other_m[kLanes];  ///< by the other's
+};
+void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                   std::uint32_t other_lane, const BoxLanes& own, BoxGaps& gaps);
 
 /// The other's triangles in own units, as to_a_units places them.
 struct PlacedTriangles {
