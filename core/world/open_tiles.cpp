@@ -1,24 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "open_tiles.hpp"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 
+#include "core/base/resources.hpp"
+
 namespace nearmesh {
-namespace {
-
-std::size_t half_of_descriptors() {
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
-  return static_cast<std::size_t>(limit.rlim_cur / 2);
-}
-
-}  // namespace
 
 OpenTiles::OpenTiles(const WorldFolder& folder, std::size_t most_tiles, std::size_t most_splits)
     : folder_(folder),
-      most_tiles_(std::min(most_tiles, half_of_descriptors())),
+      most_tiles_(std::min(most_tiles, most_open_files() / 2)),
       most_splits_(most_splits) {}
 
 Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content) {
@@ -39,9 +30,14 @@ Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
   if (const auto at = by_content_.find(content); at != by_content_.end()) {
     tiles_.splice(tiles_.begin(), tiles_, at->second);
   } else {
-    Result<ModelFile> file = open_tile(folder_, content);
-    NEARMESH_RETURN_IF_ERROR(file);
-    tiles_.emplace_front(content, std::make_shared<ModelFile>(std::move(file).value()));
+    std::shared_ptr<ModelFile> tile;
+    if (const auto held = held_.find(content); held != held_.end()) tile = held->second.lock();
+    if (tile == nullptr) {
+      Result<ModelFile> file = open_tile(folder_, content);
+      NEARMESH_RETURN_IF_ERROR(file);
+      tile = std::make_shared<ModelFile>(std::move(file).value());
+    }
+    tiles_.emplace_front(content, std::move(tile));
     by_content_[content] = tiles_.begin();
   }
   close_unused();
@@ -53,10 +49,13 @@ void OpenTiles::close_unused() {
   std::size_t splits = 0;
   for (const auto& [content, file] : tiles_) splits += file->store().known_splits();
   while (tiles_.size() > 1 && (tiles_.size() > most_tiles_ || splits > most_splits_)) {
-    splits -= tiles_.back().second->store().known_splits();
-    by_content_.erase(tiles_.back().first);
+    const auto& [content, file] = tiles_.back();
+    splits -= file->store().known_splits();
+    if (file.use_count() > 1) held_[content] = file;
+    by_content_.erase(content);
     tiles_.pop_back();
   }
+  std::erase_if(held_, [](const auto& held) { return held.second.expired(); });
 }
 
 }  // namespace nearmesh

@@ -140,6 +140,7 @@ class Service {
                                  const ContentHash& content, const ContentHash& replaces) const;
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   [[nodiscard]] WorldSource* world_with(const ContentHash& content) const;
+  [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content) const;
   [[nodiscard]] static Result<Parts> answer(WorldSource& world,
                                             const wire::RegionSubscription& asked);
   void take_requests(double now_s);
@@ -170,7 +171,7 @@ class Service {
   Channel& channel_;
   const wire::SessionId session_;
   const ServiceOptions options_;
-  std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<ContentHash, std::shared_ptr<Model>> models_;  // by content hash
   std::map<ContentHash, World> worlds_;
   std::map<ContentHash, Answerer> answerers_;  // of models, and others
   std::set<ContentHash> by_region_;            // of which others answer

@@ -45,8 +45,13 @@ class SpoiledChannel final : public Channel {
 
   [[nodiscard]] wire::SessionId own_id() const override { return inner_.own_id(); }
   void send(const wire::RegionSubscription& subscription) override {
-    if (!subscription.certificate && asks_for_content_bytes(subscription.region))
+    if (subscription.certificate) {
+      ++certificates;
+    } else if (asks_for_content_bytes(subscription.region)) {
       requests.insert(subscription.request);
+    } else {
+      ++regions;
+    }
     inner_.send(subscription);
   }
   void send(const wire::BodyPoses&) override {}
@@ -57,7 +62,8 @@ class SpoiledChannel final : public Channel {
     std::erase_if(inbox.batches, [this](wire::SplitBatchMessage& batch) { return !passes(batch); });
     return inbox;
   }
-  std::set<std::uint32_t> requests;  ///< of pages and headers
+  std::set<std::uint32_t> requests;   ///< of pages and headers
+  int certificates = 0, regions = 0;  ///< that were asked for
 
  private:
   LocalChannel& inner_;
@@ -155,6 +161,27 @@ TEST(SessionWorlds, AnswersAreThoseOfTheMeshThatWasCut) {
   EXPECT_GT(contacts, 40U);
   EXPECT_GT(over_seams, 20U);
   EXPECT_GT(free, 10U);
+}
+
+// A tile's model begins at zero, and the poses of the world place the world's origin: the publisher is told where the tile is.
+TEST(SessionWorlds, ThePublisherChoosesDetailOfTiles) {
+  const CutTerrain terrain;
+  Random random(21);
+  int certified = 0, touching = 0;
+  for (int round = 0; round < 24; ++round) {
+    SCOPED_TRACE(round);
+    CutScene scene = random_scene(terrain, random, round % 3);
+    for (double& w : scene.ball.angular_velocity_radps) w = random.between(-1, 1);
+    CutHost host(terrain);
+    const PairAnswer answer = host.settle(scene.world, scene.ball);
+    expect_true(terrain, scene, answer);
+    certified += is_certified(answer.answer.status) ? 1 : 0;
+    touching += answer.answer.pair_total > 0 ? 1 : 0;
+    EXPECT_EQ(host.channel->regions, 0) << "each request for detail is one for a certificate";
+    EXPECT_LE(host.channel->certificates, 3);
+  }
+  EXPECT_EQ(certified, 24);
+  EXPECT_GT(touching, 6);
 }
 
 TEST(SessionWorlds, SweptAnswersAreThoseOfTheMeshThatWasCut) {
