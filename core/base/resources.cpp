@@ -30,11 +30,6 @@ std::uint64_t resident_memory_bytes() {
   return static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
 }
 
-std::size_t most_open_files() {
-  rlimit limit{};
-  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? static_cast<std::size_t>(limit.rlim_cur) : 0;
-}
-
 void keep_large_heap() {
 #ifdef __GLIBC__
   constexpr int kReserved = 1 << 30, kStep = 1 << 26;

@@ -2,7 +2,6 @@
 #pragma once
 // What the process uses: for reports, and to use it well.
 
-#include <cstddef>
 #include <cstdint>
 
 namespace nearmesh {
@@ -11,9 +10,6 @@ namespace nearmesh {
 [[nodiscard]] std::uint64_t peak_memory_bytes();
 /// Resident size now.
 [[nodiscard]] std::uint64_t resident_memory_bytes();
-
-/// As many files as the process may have open together.
-[[nodiscard]] std::size_t most_open_files();
 
 /// For programs whose arrays are large, and come and go, as those of a bake do: from now on the heap keeps what is freed, and its first
 /// gigabyte is of huge pages where the kernel has them. Then a bake takes a third less time, which went into new pages, and as much memory.

@@ -5,8 +5,6 @@
 #include <string>
 #include <utility>
 
-#include "core/base/resources.hpp"
-
 namespace nearmesh {
 
 Mirror::Mirror(std::shared_ptr<ModelFile> file)
@@ -66,8 +64,6 @@ Result<std::shared_ptr<Mirror>> make_mirror(std::shared_ptr<ModelFile> file,
   return MirrorMaker(std::move(file), std::move(held), most).next(~std::size_t{0});
 }
 
-Mirrors::Mirrors() : most_awake_(most_open_files() / 4) {}
-
 Mirrors::Found Mirrors::find(std::uint64_t peer, const std::shared_ptr<ModelFile>& file,
                              std::uint64_t state) {
   Found found;
@@ -116,6 +112,11 @@ void Mirrors::forget(std::uint64_t peer) {
     entries_.erase(at->second);
 }
 
+void Mirrors::sleep(const ContentHash& content) {
+  for (Entry& entry : entries_)
+    if (entry.content == content && entry.mirror && entry.mirror.use_count() == 1) entry.sleep();
+}
+
 void Mirrors::Entry::sleep() {
   asleep_state = mirror->state();
   asleep_splits = mirror->model().mesh.split_count();
@@ -135,8 +136,6 @@ void Mirrors::make_room() {
         return entry.mirror ? entry.splits() + kSplitsAMirror : std::size_t{0};
       },
       true);
-  make_room(
-      most_awake_, [](const Entry& entry) { return std::size_t{entry.mirror != nullptr}; }, true);
 }
 
 /// Not the one used last. Of the others those that were longest without use go, or sleep; first of peers beyond their share. What the

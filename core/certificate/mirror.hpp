@@ -62,8 +62,7 @@ class MirrorMaker {
 
 /// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
 /// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and who asks for one makes it anew of these.
-/// One that is awake keeps its file open, one that sleeps does not: a tile of a world may be closed meanwhile. So a quarter of the files that the
-/// process may open are as many as are awake.
+/// One that is awake keeps its file open, one that sleeps does not: where a tile of a world is to be closed, its mirrors are to sleep.
 /// No peer takes the others' room: where that is short, the mirrors of a peer that has more than one of kShares go first, and do not sleep.
 /// Threads: one at a time.
 class Mirrors {
@@ -74,8 +73,6 @@ class Mirrors {
   /// works on, is awake in any case.
   static constexpr std::size_t kMaxAwakeSplits = 250'000, kSplitsAMirror = 1'000;
   static constexpr std::size_t kShares = 4;
-
-  Mirrors();
 
   /// What is known of a peer's model in the state that it says.
   struct Found {
@@ -90,6 +87,8 @@ class Mirrors {
   /// The peer's mirror of its model from now on.
   void keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror);
   void forget(std::uint64_t peer);
+  /// All of that content, of whichever peer; not those that somebody works on.
+  void sleep(const ContentHash& content);
   [[nodiscard]] std::size_t awake_count() const;
   /// What those asleep take.
   [[nodiscard]] std::size_t asleep_bytes() const;
@@ -114,8 +113,6 @@ class Mirrors {
   void make_room();
   template <class Size>
   void make_room(std::size_t most, Size size, bool may_sleep);
-
-  const std::size_t most_awake_;
 
   Entries entries_;  // the one used last in front
   std::map<std::pair<std::uint64_t, ContentHash>, Entries::iterator> by_peer_;

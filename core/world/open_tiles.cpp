@@ -1,15 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "open_tiles.hpp"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 
-#include "core/base/resources.hpp"
-
 namespace nearmesh {
+namespace {
+
+std::size_t half_of_descriptors() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
+  return static_cast<std::size_t>(limit.rlim_cur / 2);
+}
+
+}  // namespace
 
 OpenTiles::OpenTiles(const WorldFolder& folder, std::size_t most_tiles, std::size_t most_splits)
     : folder_(folder),
-      most_tiles_(std::min(most_tiles, most_open_files() / 2)),
+      most_tiles_(std::min(most_tiles, half_of_descriptors())),
       most_splits_(most_splits) {}
 
 Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content) {
@@ -31,7 +40,7 @@ Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
     tiles_.splice(tiles_.begin(), tiles_, at->second);
   } else {
     std::shared_ptr<ModelFile> tile;
-    if (const auto held = held_.find(content); held != held_.end()) tile = held->second.lock();
+    if (const auto held = held_.extract(content)) tile = held.mapped().lock();
     if (tile == nullptr) {
       Result<ModelFile> file = open_tile(folder_, content);
       NEARMESH_RETURN_IF_ERROR(file);
@@ -42,6 +51,13 @@ Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
   }
   close_unused();
   return tiles_.front().second;
+}
+
+std::vector<ContentHash> OpenTiles::held() const {
+  std::vector<ContentHash> contents;
+  for (const auto& [content, file] : held_)
+    if (!file.expired()) contents.push_back(content);
+  return contents;
 }
 
 /// What they hold has grown since they were opened.

@@ -5,6 +5,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "world_folder.hpp"
@@ -27,6 +28,8 @@ class OpenTiles {
   /// Closed when it is neither among those used last nor held by who asked for it. None is open twice. Errors: those of open_tile().
   [[nodiscard]] Result<std::shared_ptr<ModelFile>> open(const ContentHash& content);
   [[nodiscard]] std::size_t count() const { return by_content_.size(); }
+  /// Those that would be closed by now, had nobody held them when others were opened.
+  [[nodiscard]] std::vector<ContentHash> held() const;
 
  private:
   void close_unused();

@@ -136,14 +136,22 @@ WorldSource* Service::world_with(const ContentHash& content) const {
 
 /// Of a model, or a tile, which stays open as long as somebody has it; null where peers are to ask for regions, or it cannot be opened: who asks for a
 /// region of it is told why.
-std::shared_ptr<ModelFile> Service::file_of(const ContentHash& content) const {
+std::shared_ptr<ModelFile> Service::file_of(const ContentHash& content) {
   if (by_region_.contains(content)) return nullptr;
   if (const auto model = models_.find(content); model != models_.end())
     return {model->second, &model->second->file};
   WorldSource* world = world_with(content);
   if (world == nullptr) return nullptr;
-  auto tile = world->tile(content);
+  auto tile = open_tile(*world, content);
   return tile.is_ok() ? std::move(tile).value() : nullptr;
+}
+
+/// What has to be closed for it is not kept open by mirrors.
+Result<std::shared_ptr<ModelFile>> Service::open_tile(WorldSource& world,
+                                                      const ContentHash& content) {
+  auto tile = world.tile(content);
+  for (const ContentHash& held : world.held_tiles()) mirrors_.sleep(held);
+  return tile;
 }
 
 Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSubscription& asked) {
@@ -155,7 +163,7 @@ Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSub
       return Part{content, std::move(pieces), true, true};
     });
   }
-  auto tile = world.tile(asked.content_hash);
+  auto tile = open_tile(world, asked.content_hash);
   NEARMESH_RETURN_IF_ERROR(tile);
   auto parts = answer(*tile.value(), asked.region);
   NEARMESH_RETURN_IF_ERROR(parts);

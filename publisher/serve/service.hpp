@@ -140,9 +140,10 @@ class Service {
                                  const ContentHash& content, const ContentHash& replaces) const;
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   [[nodiscard]] WorldSource* world_with(const ContentHash& content) const;
-  [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content) const;
-  [[nodiscard]] static Result<Parts> answer(WorldSource& world,
-                                            const wire::RegionSubscription& asked);
+  [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content);
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> open_tile(WorldSource& world,
+                                                             const ContentHash& content);
+  [[nodiscard]] Result<Parts> answer(WorldSource& world, const wire::RegionSubscription& asked);
   void take_requests(double now_s);
   [[nodiscard]] bool makes_mirrors(const wire::RegionSubscription& asked) const;
   void take_rivals(const Inbox& inbox);

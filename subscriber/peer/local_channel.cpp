@@ -103,10 +103,18 @@ std::shared_ptr<ModelFile> LocalChannel::file_of(const ContentHash& content) con
   if (const auto model = models_.find(content); model != models_.end()) return model->second.file;
   for (const World& world : worlds_) {
     if (!world.source->has(content)) continue;
-    auto tile = world.source->tile(content);
+    auto tile = open_tile(*world.source, content);
     return tile.is_ok() ? std::move(tile).value() : nullptr;
   }
   return nullptr;
+}
+
+/// What has to be closed for it is not kept open by mirrors.
+Result<std::shared_ptr<ModelFile>> LocalChannel::open_tile(WorldSource& world,
+                                                           const ContentHash& content) const {
+  auto tile = world.tile(content);
+  for (const ContentHash& held : world.held_tiles()) mirrors_->sleep(held);
+  return tile;
 }
 
 Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
@@ -116,7 +124,7 @@ Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
   for (const World& world : worlds_) {
     if (!world.source->has(subscription.content_hash)) continue;
     if (wants_bytes) return world.source->pieces(subscription.content_hash);
-    const auto tile = world.source->tile(subscription.content_hash);
+    const auto tile = open_tile(*world.source, subscription.content_hash);
     NEARMESH_RETURN_IF_ERROR(tile);
     return answer_region(*tile.value(), subscription.region);
   }

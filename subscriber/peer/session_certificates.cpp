@@ -22,6 +22,9 @@ constexpr int kMaxFruitless = 2;
 /// some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
+/// So long models of a request that was refused are asked for by region: then it is tried again.
+constexpr double kRefused_s = 8;
+
 /// Of both models of a pair that are ready.
 template <class Pair>
 std::uint64_t states_of(const Pair& pair) {
@@ -101,7 +104,8 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
         states_of(pair) != pair.asked.states)
       pair.asked = {};
     pair.by_region = publisher == nullptr || publisher->wants_regions || a.is_too_much_to_tell ||
-                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless;
+                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless ||
+                     clock.seconds() < std::max(a.by_region_until_s, b.by_region_until_s);
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (at_work.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
@@ -225,6 +229,19 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     if (last.states == pair->asked.states)
       pair->asked.fruitless = last.fruitless + (last.is_answered ? 1 : 0);
   }
+}
+
+/// For one of its models that cannot be read, perhaps: each is asked for by itself for a while.
+void Session::Impl::take_refused_certificate(std::uint32_t request) {
+  std::erase_if(outstanding, [&](const auto& entry) {
+    const auto& [content, open] = entry;
+    if (open.request != request || !open.is_certificate) return false;
+    if (PeerModel* model = replicas.find(content); model != nullptr) {
+      model->tells_held |= open.has_told_held;  // what it said of us is lost, too
+      model->by_region_until_s = clock.seconds() + kRefused_s;
+    }
+    return true;
+  });
 }
 
 }  // namespace nearmesh::subscriber

@@ -60,7 +60,9 @@ TEST(OpenTiles, OneThatSomebodyHoldsIsNotOpenedTwice) {
   const std::shared_ptr<ModelFile> held = tiles.open(all[0]).value();
   std::weak_ptr<ModelFile> let_go = tiles.open(all[1]).value();
   EXPECT_EQ(tiles.count(), 1U);
+  EXPECT_EQ(tiles.held(), std::vector{all[0]});
   EXPECT_EQ(tiles.open(all[0]).value(), held);
+  EXPECT_TRUE(tiles.held().empty()) << "one is used again, and nobody holds the other";
   EXPECT_TRUE(let_go.expired());
   EXPECT_NE(tiles.open(all[1]).value(), nullptr);
 }

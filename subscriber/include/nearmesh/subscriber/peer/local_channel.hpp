@@ -16,7 +16,8 @@
 
 namespace nearmesh {
 class Mirrors;
-}
+class WorldSource;
+}  // namespace nearmesh
 
 namespace nearmesh::subscriber {
 
@@ -66,6 +67,8 @@ class LocalChannel final : public Channel {
   struct World;
   void announce();
   [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content) const;
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> open_tile(WorldSource& world,
+                                                             const ContentHash& content) const;
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer_of_world(
       const wire::RegionSubscription& subscription);
   [[nodiscard]] std::vector<wire::SplitBatchMessage> answer(
