@@ -290,11 +290,11 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
   while (found_.size() < request_.models.size()) {
     CertificateRequest::Model& model = request_.models[found_.size()];
     if (maker_ == nullptr) {
-      ModelFile* file = file_of_(model.content);
+      const std::shared_ptr<ModelFile> file = file_of_(model.content);
       if (file == nullptr)
         return BegunCertificate{
             {}, "content " + to_hex(model.content) + " is not served here", {}, true};
-      Mirrors::Found known = mirrors_->find(peer_, *file, model.state);
+      Mirrors::Found known = mirrors_->find(peer_, file, model.state);
       if (known.mirror) {
         found_.push_back(std::move(known.mirror));
         continue;
@@ -306,7 +306,7 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
                                 "the state of content " + to_hex(model.content) + " is not known",
                                 model.content,
                                 false};
-      maker_ = std::make_unique<MirrorMaker>(*file, std::move(held));
+      maker_ = std::make_unique<MirrorMaker>(file, std::move(held));
     }
     const std::size_t before = maker_->told_nodes();
     Result<std::shared_ptr<Mirror>> made = maker_->next(nodes);

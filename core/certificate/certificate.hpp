@@ -82,7 +82,7 @@ struct BegunCertificate {
 class CertificateBeginner {
  public:
   /// The file of a content that is served here; else nullptr.
-  using FileOf = std::function<ModelFile*(const ContentHash&)>;
+  using FileOf = std::function<std::shared_ptr<ModelFile>(const ContentHash&)>;
   /// In: a request that check_request() accepted. The mirrors must outlive it.
   CertificateBeginner(std::uint64_t peer, CertificateRequest request, Mirrors& mirrors,
                       FileOf file_of);

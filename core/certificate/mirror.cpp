@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 namespace nearmesh {
 
-Mirror::Mirror(ModelFile& file) : file_(&file), model_(file.store(), file.header().grid) {}
+Mirror::Mirror(std::shared_ptr<ModelFile> file)
+    : file_(std::move(file)), model_(file_->store(), file_->header().grid) {}
 
 Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
   RefineDelta delta;
@@ -20,10 +22,11 @@ Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
   return std::move(delta.split);
 }
 
-MirrorMaker::MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::size_t most)
-    : mirror_(std::make_shared<Mirror>(file)),
+MirrorMaker::MirrorMaker(std::shared_ptr<ModelFile> file, std::vector<std::uint8_t> held,
+                         std::size_t most)
+    : mirror_(std::make_shared<Mirror>(std::move(file))),
       walk_(
-          file.store(),
+          mirror_->file().store(),
           [this](NodeSpan node) -> Status {
             if (++told_splits_ > most_)
               return {StatusCode::kUnsupported, mirror_->file().path() + ": more than " +
@@ -56,14 +59,15 @@ Result<std::shared_ptr<Mirror>> MirrorMaker::next(std::size_t nodes) {
   return std::shared_ptr<Mirror>();
 }
 
-Result<std::shared_ptr<Mirror>> make_mirror(ModelFile& file, std::vector<std::uint8_t> held,
-                                            std::size_t most) {
-  return MirrorMaker(file, std::move(held), most).next(~std::size_t{0});
+Result<std::shared_ptr<Mirror>> make_mirror(std::shared_ptr<ModelFile> file,
+                                            std::vector<std::uint8_t> held, std::size_t most) {
+  return MirrorMaker(std::move(file), std::move(held), most).next(~std::size_t{0});
 }
 
-Mirrors::Found Mirrors::find(std::uint64_t peer, ModelFile& file, std::uint64_t state) {
+Mirrors::Found Mirrors::find(std::uint64_t peer, const std::shared_ptr<ModelFile>& file,
+                             std::uint64_t state) {
   Found found;
-  if (const auto known = by_peer_.find({peer, &file}); known != by_peer_.end()) {
+  if (const auto known = by_peer_.find({peer, file->content_hash()}); known != by_peer_.end()) {
     const auto at = known->second;
     if (at->state() == state && at->mirror) {
       entries_.splice(entries_.begin(), entries_, at);
@@ -83,29 +87,34 @@ Mirrors::Found Mirrors::find(std::uint64_t peer, ModelFile& file, std::uint64_t 
   return found;
 }
 
-bool Mirrors::is_asleep(std::uint64_t peer, const ModelFile& file) const {
-  const auto known = by_peer_.find({peer, &file});
+bool Mirrors::is_asleep(std::uint64_t peer, const ContentHash& content) const {
+  const auto known = by_peer_.find({peer, content});
   return known != by_peer_.end() && !known->second->mirror;
 }
 
 void Mirrors::keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror) {
-  ModelFile& file = mirror->file();
-  const auto [known, is_new] = by_peer_.try_emplace({peer, &file});
+  const ContentHash content = mirror->file().content_hash();
+  const auto [known, is_new] = by_peer_.try_emplace({peer, content});
   if (!is_new) entries_.erase(known->second);
-  entries_.push_front({.peer = peer, .file = &file, .mirror = std::move(mirror), .held = {}});
+  entries_.push_front({.peer = peer, .content = content, .mirror = std::move(mirror), .held = {}});
   known->second = entries_.begin();
   make_room();
 }
 
 Mirrors::Entries::iterator Mirrors::erase(Entries::iterator entry) {
-  by_peer_.erase({entry->peer, entry->file});
+  by_peer_.erase({entry->peer, entry->content});
   return entries_.erase(entry);
 }
 
 void Mirrors::forget(std::uint64_t peer) {
-  for (auto at = by_peer_.lower_bound({peer, nullptr});
+  for (auto at = by_peer_.lower_bound({peer, ContentHash{}});
        at != by_peer_.end() && at->first.first == peer; at = by_peer_.erase(at))
     entries_.erase(at->second);
+}
+
+void Mirrors::sleep(const ContentHash& content) {
+  for (Entry& entry : entries_)
+    if (entry.content == content && entry.mirror && entry.mirror.use_count() == 1) entry.sleep();
 }
 
 void Mirrors::Entry::sleep() {

@@ -17,10 +17,10 @@
 
 namespace nearmesh {
 
-/// A peer's state of one model: LocalModel over the file's store. The file must outlive it.
+/// A peer's state of one model: LocalModel over the file's store.
 class Mirror {
  public:
-  explicit Mirror(ModelFile& file);
+  explicit Mirror(std::shared_ptr<ModelFile> file);
 
   [[nodiscard]] ModelFile& file() const { return *file_; }
   [[nodiscard]] LocalModel& model() { return model_; }
@@ -30,7 +30,7 @@ class Mirror {
   [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);
 
  private:
-  ModelFile* file_;
+  std::shared_ptr<ModelFile> file_;
   LocalModel model_;
 };
 
@@ -39,7 +39,8 @@ class MirrorMaker {
  public:
   /// More is not taken on a peer's word: two bits may stand for a whole model.
   static constexpr std::size_t kMostHeld = 262'144;
-  MirrorMaker(ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = kMostHeld);
+  MirrorMaker(std::shared_ptr<ModelFile> file, std::vector<std::uint8_t> held,
+              std::size_t most = kMostHeld);
   MirrorMaker(const MirrorMaker&) = delete;  // its walk refers to it
 
   /// Does so many nodes more, or what is left of them: those that are split, and those that half-spaces are told of, which takes as long. Out: the
@@ -56,10 +57,12 @@ class MirrorMaker {
 };
 /// The same at once.
 [[nodiscard]] Result<std::shared_ptr<Mirror>> make_mirror(
-    ModelFile& file, std::vector<std::uint8_t> held, std::size_t most = MirrorMaker::kMostHeld);
+    std::shared_ptr<ModelFile> file, std::vector<std::uint8_t> held,
+    std::size_t most = MirrorMaker::kMostHeld);
 
 /// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
 /// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and who asks for one makes it anew of these.
+/// One that is awake keeps its file open, one that sleeps does not: where a tile of a world is to be closed, its mirrors are to sleep.
 /// No peer takes the others' room: where that is short, the mirrors of a peer that has more than one of kShares go first, and do not sleep.
 /// Threads: one at a time.
 class Mirrors {
@@ -78,11 +81,14 @@ class Mirrors {
     std::vector<std::uint8_t> held;
   };
   /// Out: neither where that state is not known: the peer is to say what it holds.
-  [[nodiscard]] Found find(std::uint64_t peer, ModelFile& file, std::uint64_t state);
-  [[nodiscard]] bool is_asleep(std::uint64_t peer, const ModelFile& file) const;
+  [[nodiscard]] Found find(std::uint64_t peer, const std::shared_ptr<ModelFile>& file,
+                           std::uint64_t state);
+  [[nodiscard]] bool is_asleep(std::uint64_t peer, const ContentHash& content) const;
   /// The peer's mirror of its model from now on.
   void keep(std::uint64_t peer, std::shared_ptr<Mirror> mirror);
   void forget(std::uint64_t peer);
+  /// All of that content, of whichever peer; not those that somebody works on.
+  void sleep(const ContentHash& content);
   [[nodiscard]] std::size_t awake_count() const;
   /// What those asleep take.
   [[nodiscard]] std::size_t asleep_bytes() const;
@@ -90,7 +96,7 @@ class Mirrors {
  private:
   struct Entry {
     std::uint64_t peer = 0;
-    ModelFile* file = nullptr;
+    ContentHash content;
     std::shared_ptr<Mirror> mirror = nullptr;  ///< none: asleep, and what follows is what it was
     std::uint64_t asleep_state = 0;
     std::size_t asleep_splits = 0;
@@ -109,7 +115,7 @@ class Mirrors {
   void make_room(std::size_t most, Size size, bool may_sleep);
 
   Entries entries_;  // the one used last in front
-  std::map<std::pair<std::uint64_t, const ModelFile*>, Entries::iterator> by_peer_;
+  std::map<std::pair<std::uint64_t, ContentHash>, Entries::iterator> by_peer_;
 };
 
 }  // namespace nearmesh

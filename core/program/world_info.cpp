@@ -61,6 +61,9 @@ Result<KnownWorld> read_world(const std::string& path) {
     return Status(StatusCode::kCorrupt,
                   path + ": expected " + std::to_string(known.folder.world().tiles) +
                       " tiles, as its record says, found " + std::to_string(known.facts.tiles));
+  for (const auto& [content, places] : known.facts.places)
+    if (const Status once = check_each_once(known.folder.world(), places); !once.is_ok())
+      return Status(once.code(), path + ": " + once.message());
   return known;
 }
 

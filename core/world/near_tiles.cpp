@@ -66,6 +66,7 @@ Result<NearTiles> find_near_tiles(const WorldRecord& world, const WorldPage& roo
                                   const GridBox& body) {
   NearTiles out;
   NEARMESH_RETURN_IF_ERROR(Search(world, page_of, body_in_world, body).walk(root, out));
+  NEARMESH_RETURN_IF_ERROR(check_each_once(world, out.tiles));
   std::ranges::sort(out.tiles);
   std::ranges::sort(out.missing, {}, &MissingPage::entry);
   return out;

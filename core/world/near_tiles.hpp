@@ -37,8 +37,8 @@ using PageOf = std::function<Result<const WorldPage*>(const WorldEntry& entry, i
 [[nodiscard]] Grid world_grid(const WorldRecord& world);
 
 /// In: the root page; body_in_world maps the body's grid into world_grid. No posed face of a tile that is neither listed nor below a
-/// missing page meets a posed triangle with its corners in `body`. Errors: those of page_of and of
-/// MetPages, so a walk is no longer than there are pages. Cost: some 0.1 us an entry of the pages near the body.
+/// missing page meets a posed triangle with its corners in `body`. Errors: those of page_of, of
+/// MetPages, so a walk is no longer than there are pages, and of check_each_once(). Cost: some 0.1 us an entry of the pages near the body.
 [[nodiscard]] Result<NearTiles> find_near_tiles(const WorldRecord& world, const WorldPage& root,
                                                 const PageOf& page_of,
                                                 const RelativeFrame& body_in_world,

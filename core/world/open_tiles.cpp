@@ -39,13 +39,25 @@ Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
   if (const auto at = by_content_.find(content); at != by_content_.end()) {
     tiles_.splice(tiles_.begin(), tiles_, at->second);
   } else {
-    Result<ModelFile> file = open_tile(folder_, content);
-    NEARMESH_RETURN_IF_ERROR(file);
-    tiles_.emplace_front(content, std::make_shared<ModelFile>(std::move(file).value()));
+    std::shared_ptr<ModelFile> tile;
+    if (const auto held = held_.extract(content)) tile = held.mapped().lock();
+    if (tile == nullptr) {
+      Result<ModelFile> file = open_tile(folder_, content);
+      NEARMESH_RETURN_IF_ERROR(file);
+      tile = std::make_shared<ModelFile>(std::move(file).value());
+    }
+    tiles_.emplace_front(content, std::move(tile));
     by_content_[content] = tiles_.begin();
   }
   close_unused();
   return tiles_.front().second;
+}
+
+std::vector<ContentHash> OpenTiles::held() const {
+  std::vector<ContentHash> contents;
+  for (const auto& [content, file] : held_)
+    if (!file.expired()) contents.push_back(content);
+  return contents;
 }
 
 /// What they hold has grown since they were opened.
@@ -53,10 +65,13 @@ void OpenTiles::close_unused() {
   std::size_t splits = 0;
   for (const auto& [content, file] : tiles_) splits += file->store().known_splits();
   while (tiles_.size() > 1 && (tiles_.size() > most_tiles_ || splits > most_splits_)) {
-    splits -= tiles_.back().second->store().known_splits();
-    by_content_.erase(tiles_.back().first);
+    const auto& [content, file] = tiles_.back();
+    splits -= file->store().known_splits();
+    if (file.use_count() > 1) held_[content] = file;
+    by_content_.erase(content);
     tiles_.pop_back();
   }
+  std::erase_if(held_, [](const auto& held) { return held.second.expired(); });
 }
 
 }  // namespace nearmesh

@@ -5,6 +5,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "world_folder.hpp"
@@ -24,9 +25,11 @@ class OpenTiles {
   explicit OpenTiles(const WorldFolder& folder, std::size_t most_tiles = kMostTiles,
                      std::size_t most_splits = kMostSplits);
 
-  /// Closed when it is neither among those used last nor held by who asked for it. Errors: those of open_tile().
+  /// Closed when it is neither among those used last nor held by who asked for it. None is open twice. Errors: those of open_tile().
   [[nodiscard]] Result<std::shared_ptr<ModelFile>> open(const ContentHash& content);
   [[nodiscard]] std::size_t count() const { return by_content_.size(); }
+  /// Those that would be closed by now, had nobody held them when others were opened.
+  [[nodiscard]] std::vector<ContentHash> held() const;
 
  private:
   void close_unused();
@@ -36,6 +39,7 @@ class OpenTiles {
   using Tiles = std::list<std::pair<ContentHash, std::shared_ptr<ModelFile>>>;
   Tiles tiles_;  // the last used first
   std::map<ContentHash, Tiles::iterator> by_content_;
+  std::map<ContentHash, std::weak_ptr<ModelFile>> held_;  // no longer used here, but by others
 };
 
 }  // namespace nearmesh

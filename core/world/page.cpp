@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include "core/base/digest.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
@@ -226,17 +227,38 @@ Result<WorldRecord> decode_world(std::span<const std::uint8_t> bytes) {
   return world;
 }
 
+namespace {
+
+std::string named(const WorldRecord& world) {
+  return "world " + to_hex(digest_of(encode_world(world)));
+}
+
+}  // namespace
+
 Status MetPages::meet(const ContentHash& page) {
-  const auto named = [this] { return "world " + to_hex(digest_of(encode_world(world_))); };
   if (!met_.insert(page).second)
-    return corrupt(named() + ": expected each page once, found page " + to_hex(page) +
+    return corrupt(named(world_) + ": expected each page once, found page " + to_hex(page) +
                    " listed again; build the world anew");
   // Each page of an honest world has a tile of its own below it, or is above such a page.
   if (met_.size() > world_.tiles + kMaxPageLevel)
-    return corrupt(named() + ": expected pages of the " + std::to_string(world_.tiles) +
+    return corrupt(named(world_) + ": expected pages of the " + std::to_string(world_.tiles) +
                    " tiles of its record, found page " + to_hex(page) +
                    " beyond what these need; build the world anew");
   return Status::ok();
+}
+
+Status check_each_once(const WorldRecord& world, std::span<const WorldEntry> tiles) {
+  std::vector<const WorldEntry*> sorted;
+  sorted.reserve(tiles.size());
+  for (const WorldEntry& tile : tiles) sorted.push_back(&tile);
+  const auto place_and_content = [](const WorldEntry* tile) {
+    return std::tie(tile->place, tile->content);
+  };
+  std::ranges::sort(sorted, {}, place_and_content);
+  const auto twice = std::ranges::adjacent_find(sorted, {}, place_and_content);
+  if (twice == sorted.end()) return Status::ok();
+  return corrupt(named(world) + ": expected each tile once in its place, found tile " +
+                 to_hex((*twice)->content) + " twice at " + at(**twice) + "; build the world anew");
 }
 
 Status check_tile_grid(const Grid& grid, const WorldRecord& world) {

@@ -96,6 +96,10 @@ class MetPages {
   std::set<ContentHash> met_;  // no hash table: who makes pages could aim at its buckets
 };
 
+/// Whether no tile stands twice in one place, however its boxes are told: its faces would count twice, and who asks tiles side by side would ask one
+/// twice. Errors: kCorrupt, naming world and tile. Cost: O(n log n).
+[[nodiscard]] Status check_each_once(const WorldRecord& world, std::span<const WorldEntry> tiles);
+
 /// Whether a tile's header is fit for the world: a grid of the world's cell and bits that begins at zero. Errors: kConflict.
 [[nodiscard]] Status check_tile_grid(const Grid& grid, const WorldRecord& world);
 

@@ -24,6 +24,8 @@ class WorldSource {
   [[nodiscard]] Result<std::shared_ptr<ModelFile>> tile(const ContentHash& content) {
     return tiles_.open(content);
   }
+  /// Those that whoever has no work for them is to let go of (OpenTiles::held()).
+  [[nodiscard]] std::vector<ContentHash> held_tiles() const { return tiles_.held(); }
 
  private:
   explicit WorldSource(WorldFolder folder) : folder_(std::move(folder)), tiles_(folder_) {}

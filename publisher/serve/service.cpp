@@ -73,7 +73,7 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
                           const wire::Epoch& epoch) {
   const ContentHash hash = file.content_hash();
   NEARMESH_RETURN_IF_ERROR(check_new(name, file.path(), hash, replaces));
-  auto model = std::make_unique<Model>(Model{name, std::move(file), replaces, epoch});
+  auto model = std::make_shared<Model>(Model{name, std::move(file), replaces, epoch});
   answerers_[hash] = [&file = model->file](const RegionRequest& request) {
     return answer(file, request);
   };
@@ -134,6 +134,26 @@ WorldSource* Service::world_with(const ContentHash& content) const {
   return nullptr;
 }
 
+/// Of a model, or a tile, which stays open as long as somebody has it; null where peers are to ask for regions, or it cannot be opened: who asks for a
+/// region of it is told why.
+std::shared_ptr<ModelFile> Service::file_of(const ContentHash& content) {
+  if (by_region_.contains(content)) return nullptr;
+  if (const auto model = models_.find(content); model != models_.end())
+    return {model->second, &model->second->file};
+  WorldSource* world = world_with(content);
+  if (world == nullptr) return nullptr;
+  auto tile = open_tile(*world, content);
+  return tile.is_ok() ? std::move(tile).value() : nullptr;
+}
+
+/// What has to be closed for it is not kept open by mirrors.
+Result<std::shared_ptr<ModelFile>> Service::open_tile(WorldSource& world,
+                                                      const ContentHash& content) {
+  auto tile = world.tile(content);
+  for (const ContentHash& held : world.held_tiles()) mirrors_.sleep(held);
+  return tile;
+}
+
 Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSubscription& asked) {
   if (asks_for_content_bytes(asked.region)) {
     auto pieces = world.pieces(asked.content_hash);
@@ -143,7 +163,7 @@ Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSub
       return Part{content, std::move(pieces), true, true};
     });
   }
-  auto tile = world.tile(asked.content_hash);
+  auto tile = open_tile(world, asked.content_hash);
   NEARMESH_RETURN_IF_ERROR(tile);
   auto parts = answer(*tile.value(), asked.region);
   NEARMESH_RETURN_IF_ERROR(parts);
@@ -210,9 +230,7 @@ bool Service::makes_mirrors(const wire::RegionSubscription& asked) const {
   if (!asked.certificate) return false;
   const auto& models = asked.certificate->models;
   return std::any_of(models.begin(), models.end(), [&](const auto& model) {
-    const auto served = models_.find(model.content);
-    return !model.held.empty() ||
-           (served != models_.end() && mirrors_.is_asleep(asked.peer, served->second->file));
+    return !model.held.empty() || mirrors_.is_asleep(asked.peer, model.content);
   });
 }
 
@@ -364,15 +382,10 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
     CertificateBeginner beginner;
     std::optional<CertificateMaker> maker;
   };
-  auto its = std::make_shared<Certifying>(Certifying{{id, *asked.certificate, mirrors_,
-                                                      [this](const ContentHash& content) {
-                                                        const auto model = models_.find(content);
-                                                        return model == models_.end() ||
-                                                                       by_region_.contains(content)
-                                                                   ? nullptr
-                                                                   : &model->second->file;
-                                                      }},
-                                                     std::nullopt});
+  auto its = std::make_shared<Certifying>(
+      Certifying{{id, *asked.certificate, mirrors_,
+                  [this](const ContentHash& content) { return file_of(content); }},
+                 std::nullopt});
   return Parts([this, &peer, &asked, its]() -> Result<Part> {
     if (!its->maker) {
       const std::size_t told_before = its->beginner.told_nodes();

@@ -140,8 +140,10 @@ class Service {
                                  const ContentHash& content, const ContentHash& replaces) const;
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   [[nodiscard]] WorldSource* world_with(const ContentHash& content) const;
-  [[nodiscard]] static Result<Parts> answer(WorldSource& world,
-                                            const wire::RegionSubscription& asked);
+  [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content);
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> open_tile(WorldSource& world,
+                                                             const ContentHash& content);
+  [[nodiscard]] Result<Parts> answer(WorldSource& world, const wire::RegionSubscription& asked);
   void take_requests(double now_s);
   [[nodiscard]] bool makes_mirrors(const wire::RegionSubscription& asked) const;
   void take_rivals(const Inbox& inbox);
@@ -170,7 +172,7 @@ class Service {
   Channel& channel_;
   const wire::SessionId session_;
   const ServiceOptions options_;
-  std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<ContentHash, std::shared_ptr<Model>> models_;  // by content hash
   std::map<ContentHash, World> worlds_;
   std::map<ContentHash, Answerer> answerers_;  // of models, and others
   std::set<ContentHash> by_region_;            // of which others answer

@@ -74,9 +74,9 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
       return {StatusCode::kConflict,
               file.path() + " as " + name + ": " +
                   (model.name == name ? "the name is taken by " : "same content as ") +
-                  model.file.path() + ", served as " + model.name};
+                  model.file->path() + ", served as " + model.name};
   const ContentHash hash = file.content_hash();
-  models_.emplace(hash, Model{name, std::move(file)});
+  models_.emplace(hash, Model{name, std::make_shared<ModelFile>(std::move(file))});
   if (connected_) announce();
   return Status::ok();
 }
@@ -98,6 +98,25 @@ Status LocalChannel::add_world(const std::string& name, const std::string& folde
   return Status::ok();
 }
 
+/// Of a model or a tile; null where there is none, or it cannot be opened: who asks for a region of it is told why.
+std::shared_ptr<ModelFile> LocalChannel::file_of(const ContentHash& content) const {
+  if (const auto model = models_.find(content); model != models_.end()) return model->second.file;
+  for (const World& world : worlds_) {
+    if (!world.source->has(content)) continue;
+    auto tile = open_tile(*world.source, content);
+    return tile.is_ok() ? std::move(tile).value() : nullptr;
+  }
+  return nullptr;
+}
+
+/// What has to be closed for it is not kept open by mirrors.
+Result<std::shared_ptr<ModelFile>> LocalChannel::open_tile(WorldSource& world,
+                                                           const ContentHash& content) const {
+  auto tile = world.tile(content);
+  for (const ContentHash& held : world.held_tiles()) mirrors_->sleep(held);
+  return tile;
+}
+
 Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
     const wire::RegionSubscription& subscription) {
   NEARMESH_RETURN_IF_ERROR(check_request(subscription.region));
@@ -105,7 +124,7 @@ Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
   for (const World& world : worlds_) {
     if (!world.source->has(subscription.content_hash)) continue;
     if (wants_bytes) return world.source->pieces(subscription.content_hash);
-    const auto tile = world.source->tile(subscription.content_hash);
+    const auto tile = open_tile(*world.source, subscription.content_hash);
     NEARMESH_RETURN_IF_ERROR(tile);
     return answer_region(*tile.value(), subscription.region);
   }
@@ -119,7 +138,7 @@ void LocalChannel::announce() {
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
     inbox_.headers.push_back(
-        {kPublisher, wire::announce_model(model.name, model.file, {}, {}, hello)});
+        {kPublisher, wire::announce_model(model.name, *model.file, {}, {}, hello)});
   for (const World& world : worlds_) {
     const WorldFolder& folder = world.source->folder();
     inbox_.headers.push_back(
@@ -174,7 +193,7 @@ std::vector<wire::SplitBatchMessage> LocalChannel::answer(
   const auto at = models_.find(subscription.content_hash);
   Result<std::vector<std::vector<std::uint8_t>>> batches =
       at == models_.end() ? answer_of_world(subscription)
-                          : answer_region(at->second.file, subscription.region);
+                          : answer_region(*at->second.file, subscription.region);
   if (!batches.is_ok())
     return {wire::refusal_message(kPublisher, subscription, batches.status().message())};
   return wire::answer_messages(kPublisher, subscription.request, subscription.content_hash,
@@ -184,10 +203,8 @@ std::vector<wire::SplitBatchMessage> LocalChannel::answer(
 
 void LocalChannel::certify(const wire::RegionSubscription& subscription) {
   BegunCertificate begun =
-      begin_certificate(kPeer, *subscription.certificate, *mirrors_, [this](const auto& content) {
-        const auto model = models_.find(content);
-        return model == models_.end() ? nullptr : &model->second.file;
-      });
+      begin_certificate(kPeer, *subscription.certificate, *mirrors_,
+                        [this](const ContentHash& content) { return file_of(content); });
   if (!begun.maker) {
     deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
                                        begun.wants_regions)});

@@ -59,6 +59,8 @@ struct PeerModel {
   /// that it did not choose. Then it is told with the next request, if that is not too much.
   wire::SessionId told = 0;
   bool tells_held = false, is_too_much_to_tell = false;
+  double by_region_until_s =
+      0;  // by the session's clock: a request about it and others was refused
 
   /// What probes lack, until it has been asked for.
   struct Probed {

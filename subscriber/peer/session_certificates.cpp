@@ -22,11 +22,32 @@ constexpr int kMaxFruitless = 2;
 /// some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
+/// So long models of a request that was refused are asked for by region: then it is tried again.
+constexpr double kRefused_s = 8;
+
 /// Of both models of a pair that are ready.
 template <class Pair>
 std::uint64_t states_of(const Pair& pair) {
   return mix(pair.a->model->replica->mesh().state_hash()) ^
          mix(pair.b->model->replica->mesh().state_hash() + 1);
+}
+
+/// How a body's model moves. The poses of a world place its own origin; a tile's model begins at zero.
+Motion motion_of_model(const Body& body) {
+  Motion motion = *body.motion;
+  if (!body.tile_grid) return motion;
+  const auto& r = motion.pose.rotation;
+  const auto &from_m = body.tile_grid->origin_m, &w = motion.angular_velocity_radps;
+  std::array<double, 3> way_m{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    way_m[k] = r[3 * k] * from_m[0] + r[3 * k + 1] * from_m[1] + r[3 * k + 2] * from_m[2];
+    motion.pose.translation_m[k] += way_m[k];
+  }
+  auto& v = motion.linear_velocity_mps;
+  v[0] += w[1] * way_m[2] - w[2] * way_m[1];
+  v[1] += w[2] * way_m[0] - w[0] * way_m[2];
+  v[2] += w[0] * way_m[1] - w[1] * way_m[0];
+  return motion;
 }
 
 }  // namespace
@@ -82,9 +103,9 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
         states_of(pair) != pair.asked.states)
       pair.asked = {};
-    pair.by_region = pair.is_of_tile || publisher == nullptr || publisher->wants_regions ||
-                     a.is_too_much_to_tell || b.is_too_much_to_tell ||
-                     pair.asked.fruitless >= kMaxFruitless;
+    pair.by_region = publisher == nullptr || publisher->wants_regions || a.is_too_much_to_tell ||
+                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless ||
+                     clock.seconds() < std::max(a.by_region_until_s, b.by_region_until_s);
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (at_work.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
@@ -170,8 +191,8 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
   };
   for (Pair* pair : asked) {
     if (certificate.pairs.size() == kMaxAskedPairs || models.size() + 2 > kMaxAskedModels) break;
-    CertificateRequest::Pair& said =
-        certificate.pairs.emplace_back(relative(*pair->a->motion, *pair->b->motion));
+    CertificateRequest::Pair& said = certificate.pairs.emplace_back(
+        relative(motion_of_model(*pair->a), motion_of_model(*pair->b)));
     said.a = place_of(pair->a->model);
     said.b = place_of(pair->b->model);
     said.solid_a = pair->a->solid;
@@ -208,6 +229,19 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     if (last.states == pair->asked.states)
       pair->asked.fruitless = last.fruitless + (last.is_answered ? 1 : 0);
   }
+}
+
+/// For one of its models that cannot be read, perhaps: each is asked for by itself for a while.
+void Session::Impl::take_refused_certificate(std::uint32_t request) {
+  std::erase_if(outstanding, [&](const auto& entry) {
+    const auto& [content, open] = entry;
+    if (open.request != request || !open.is_certificate) return false;
+    if (PeerModel* model = replicas.find(content); model != nullptr) {
+      model->tells_held |= open.has_told_held;  // what it said of us is lost, too
+      model->by_region_until_s = clock.seconds() + kRefused_s;
+    }
+    return true;
+  });
 }
 
 }  // namespace nearmesh::subscriber

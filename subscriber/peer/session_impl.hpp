@@ -406,6 +406,7 @@ struct Session::Impl {
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);
   void close_request(std::uint32_t request);
+  void take_refused_certificate(std::uint32_t request);
   void ask_anew(Body& body);
   void leave_model(PeerModel& model);
   void bound(Body& body, FrameReport& report);

@@ -308,8 +308,9 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     model->audit.is_answered |= message.last;
   }
   if (message.refused) {
-    // The request stays open until its time-out, so that a refusal is not asked for every frame.
+    // Another request stays open until its time-out, so that a refusal is not asked for every frame.
     ++refused;
+    take_refused_certificate(message.request);
     report.complaints.push_back("publisher refused request " + std::to_string(message.request) +
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
@@ -340,6 +341,8 @@ void Session::Impl::close_request(std::uint32_t request) {
   std::erase_if(outstanding,
                 [request](const auto& open) { return open.second.request == request; });
   for (auto& [bodies_of, pair] : pairs)
+    if (pair.asked.request == request) pair.asked.is_answered = true;
+  for (auto& [place, pair] : tile_pairs)
     if (pair.asked.request == request) pair.asked.is_answered = true;
 }
 

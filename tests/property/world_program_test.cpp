@@ -560,6 +560,24 @@ TEST_F(WorldProgram, RefusesAWorldWhosePagesAreListedAgain) {
   }
 }
 
+TEST_F(WorldProgram, RefusesAWorldThatListsATileTwiceInOnePlace) {
+  PlacedTile tile;
+  tile.content = {1, 1};
+  tile.extent = {9, 9, 9};
+  tile.faces = 4;
+  PlacedTile wider = tile;
+  wider.extent[2] = 12;
+  const auto hostile = make_pages({}, 21, {tile, wider});
+  ASSERT_TRUE(hostile.is_ok()) << hostile.status().message();
+  ASSERT_TRUE(write_world(hostile.value(), path("w")).is_ok());
+  for (const char* command : {"info ", "check "}) {
+    const Ended ended = model(command + path("w"));
+    EXPECT_EQ(ended.code, 256);
+    for (const std::string& what : {path("w"), to_hex(tile.content), std::string("twice at")})
+      EXPECT_NE(ended.err.find(what), std::string::npos) << ended.err;
+  }
+}
+
 TEST_F(WorldProgram, ProbeTellsHeightsAboveTilesAsAboveOneModel) {
   ASSERT_EQ(model("build-world " + raw_flags() + " -o " + path("world") + " --faces 300").code, 0);
   ASSERT_EQ(model("build " + raw_flags() + " -o " + path("one.spm")).code, 0);

@@ -22,16 +22,19 @@ struct KeptSample {
                wire::BodyPromises, wire::WatchedBodies, wire::BoundsReport, wire::ContactReport,
                wire::HeldDetail>
       message;
-  wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
-  wire::SessionId peer = 0;         ///< that it is for
+  wire::SplitBatchMessage
+      batch{};  ///< instead, where it is for a peer; it may have no bytes, but it has a number
+  wire::SessionId peer = 0;
+
+  [[nodiscard]] bool is_batch() const { return peer != 0; }
 
   template <class Message>
   [[nodiscard]] Message* as() {
-    return batch.bytes.empty() ? std::get_if<Message>(&message) : nullptr;
+    return is_batch() ? nullptr : std::get_if<Message>(&message);
   }
   template <class Message>
   [[nodiscard]] const Message* as() const {
-    return batch.bytes.empty() ? std::get_if<Message>(&message) : nullptr;
+    return is_batch() ? nullptr : std::get_if<Message>(&message);
   }
 };
 using KeptSamples = std::vector<KeptSample>;
@@ -105,7 +108,7 @@ inline void write_samples(const KeptSamples& samples, const std::string& path,
   if (unheard != 0) tape.miss_reports(unheard, 7);
   for (const KeptSample& sample : samples) {
     tape.now_ns += 1'000'000;
-    if (!sample.batch.bytes.empty()) {
+    if (sample.is_batch()) {
       tape.put(sample.by, sample.peer, sample.batch);
     } else {
       std::visit([&](const auto& message) { tape.put(sample.by, message); }, sample.message);

@@ -17,6 +17,7 @@
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/certify.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
 #include "random_rotation.hpp"
 #include "soup.hpp"
@@ -247,6 +248,11 @@ inline void refine_at_random(LocalModel& model, Random& random) {
     }
   }
   model.tree.update(delta);
+}
+
+/// For who shares files, of one that outlives it.
+inline std::shared_ptr<ModelFile> lent(ModelFile& file) {
+  return {std::shared_ptr<ModelFile>(), &file};
 }
 
 inline Status no_require(NodeSpan) { return Status::ok(); }

@@ -136,7 +136,8 @@ Result<Exchange> exchange(Body ground, Body other) {
   request.pairs[0].b = 1;
   Mirrors mirrors;
   BegunCertificate begun = begin_certificate(1, request, mirrors, [&](const ContentHash& content) {
-    return content == files[0]->content_hash() ? files[0] : files[1];
+    return std::shared_ptr<ModelFile>(std::shared_ptr<ModelFile>(),
+                                      files[content == files[0]->content_hash() ? 0 : 1]);
   });
   if (!begun.maker) return Status{StatusCode::kNotFound, begun.why_not};
   while (!begun.maker->is_done()) {

@@ -70,7 +70,7 @@ struct Ball {
 class Publisher {
  public:
   Publisher(ModelFile& file, const Ball& ball)
-      : ball_(ball), mirror_(std::make_shared<Mirror>(file)) {}
+      : ball_(ball), mirror_(std::make_shared<Mirror>(test::lent(file))) {}
 
   Batches answer(const CertificateRequest& request) {
     if (request.models[0].state != mirror_->state()) std::abort();

@@ -4,7 +4,6 @@
 
 #include <cstdlib>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "core/certificate/mirror.hpp"
@@ -20,12 +19,12 @@ class Served {
   explicit Served(const BakedModel& baked) {
     if (!write_model_file(baked.header, baked.store, baked.numbers, path_.path()).is_ok())
       std::abort();
-    file_.emplace(ModelFile::open(path_.path()).value());
+    file_ = std::make_shared<ModelFile>(ModelFile::open(path_.path()).value());
     if (!file_->require_all().is_ok()) std::abort();
   }
   [[nodiscard]] const ModelFile& file() const { return *file_; }
   /// Of a peer that holds nothing but the base mesh.
-  [[nodiscard]] std::shared_ptr<Mirror> fresh() { return std::make_shared<Mirror>(*file_); }
+  [[nodiscard]] std::shared_ptr<Mirror> fresh() { return std::make_shared<Mirror>(file_); }
   /// Of a peer that holds all.
   [[nodiscard]] std::shared_ptr<Mirror> whole() {
     const SplitStore& store = file_->store();
@@ -39,7 +38,7 @@ class Served {
 
  private:
   test::TempFile path_{".spm"};
-  std::optional<ModelFile> file_;
+  std::shared_ptr<ModelFile> file_;
 };
 
 }  // namespace nearmesh::perf

@@ -382,7 +382,7 @@ class Case {
     request.pairs = {pair};
     BegunCertificate begun =
         begin_certificate(1, request, mirrors, [&](const ContentHash& content) {
-          return content == a.file.content_hash() ? &a.file : &b.file;
+          return test::lent(content == a.file.content_hash() ? a.file : b.file);
         });
     if (!begun.maker) {
       found(begun.why_not);

@@ -51,8 +51,8 @@ struct Desk {
   CertificateBeginner beginner(const CertificateRequest& request) {
     EXPECT_TRUE(check_request(request).is_ok());
     return {kPeer, request, mirrors, [this](const ContentHash& content) {
-              return content == file_a.content_hash()   ? &file_a
-                     : content == file_b.content_hash() ? &file_b
+              return content == file_a.content_hash()   ? test::lent(file_a)
+                     : content == file_b.content_hash() ? test::lent(file_b)
                                                         : nullptr;
             }};
   }
@@ -125,9 +125,9 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
       const Answer answer =
           query(desk.a.view(), posed.value().a, desk.other().view(), posed.value().b);
       if (step == 0) {
-        EXPECT_EQ(
-            desk.a.mesh().state_hash(),
-            desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash()).mirror->state());
+        EXPECT_EQ(desk.a.mesh().state_hash(),
+                  desk.mirrors.find(kPeer, test::lent(desk.file_a), desk.a.mesh().state_hash())
+                      .mirror->state());
         EXPECT_TRUE(is_certified(answer.status))
             << "pose " << i << ", " << to_string(answer.status) << ", missing "
             << answer.missing_a.size() << " " << answer.missing_b.size();
@@ -235,8 +235,9 @@ TEST_P(Certificate, NoMoreIsTakenToBeHeldThanAMirrorMayCost) {
   const std::size_t splits = desk.a.mesh().split_count();
   if (splits == 0) return;
   const std::vector<std::uint8_t> held = held_nodes(desk.a).bits;
-  EXPECT_EQ(make_mirror(desk.file_a, held, splits - 1).status().code(), StatusCode::kUnsupported);
-  const auto mirror = make_mirror(desk.file_a, held, splits);
+  EXPECT_EQ(make_mirror(test::lent(desk.file_a), held, splits - 1).status().code(),
+            StatusCode::kUnsupported);
+  const auto mirror = make_mirror(test::lent(desk.file_a), held, splits);
   ASSERT_TRUE(mirror.is_ok()) << mirror.status().message();
   EXPECT_EQ(mirror.value()->state(), desk.a.mesh().state_hash());
 }
@@ -297,13 +298,17 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
     ASSERT_TRUE(begun.maker) << begun.why_not;
     desk.answer(*begun.maker);
   }
-  ASSERT_NE(desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash()).mirror, nullptr);
+  ASSERT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_a), desk.a.mesh().state_hash()).mirror,
+            nullptr);
   // Others come: what was longest without use falls asleep.
   const std::size_t others = 2 * Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror;
   for (std::uint64_t peer = 100; peer < 100 + others; ++peer)
-    ASSERT_NE(desk.mirrors.find(peer, desk.file_a, Mirror(desk.file_a).state()).mirror, nullptr);
+    ASSERT_NE(
+        desk.mirrors.find(peer, test::lent(desk.file_a), Mirror(test::lent(desk.file_a)).state())
+            .mirror,
+        nullptr);
   EXPECT_LE(desk.mirrors.awake_count(), Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror + 1);
-  EXPECT_TRUE(desk.mirrors.is_asleep(kPeer, desk.file_a));
+  EXPECT_TRUE(desk.mirrors.is_asleep(kPeer, desk.file_a.content_hash()));
   const std::size_t bytes = desk.mirrors.asleep_bytes();
   EXPECT_GT(bytes, 0U);
   EXPECT_LT(bytes, 1024 * others);
@@ -322,7 +327,7 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
   EXPECT_GT(parts, splits / kPart);
   ASSERT_TRUE(begun->maker) << "it is known: " << begun->why_not;
   const std::shared_ptr<Mirror> again =
-      desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash()).mirror;
+      desk.mirrors.find(kPeer, test::lent(desk.file_a), desk.a.mesh().state_hash()).mirror;
   ASSERT_NE(again, nullptr);
   const HeldNodes was = held_nodes(desk.a), is = held_nodes(again->model().mesh);
   EXPECT_EQ(held_batch(desk.file_a.store(), test::no_require, was.bits).value().splits.size(),
@@ -347,7 +352,7 @@ TEST_P(Certificate, NodesThatHalfSpacesAreToldOfCountAsSplits) {
     told_of = nodes.size();
   }
   if (told_of == 0) return;  // models whose nodes cannot be kept clear
-  MirrorMaker maker(desk.file_a, held_nodes(desk.a).bits);
+  MirrorMaker maker(test::lent(desk.file_a), held_nodes(desk.a).bits);
   while (maker.next(1).value() == nullptr) {
   }
   EXPECT_EQ(maker.told_nodes(), desk.a.mesh().split_count() + told_of);
@@ -361,7 +366,7 @@ TEST(CertificateRequests, MirrorsAreMadeInParts) {
   for (const auto& [model, file] :
        {std::pair(&request.models[0], &desk.file_a), {&request.models[1], &desk.file_b}}) {
     model->held = test::held_whole(file->header());
-    model->state = make_mirror(*file, model->held).value()->state();
+    model->state = make_mirror(test::lent(*file), model->held).value()->state();
     splits += file->header().split_count();
   }
   constexpr std::size_t kPart = 64;
@@ -376,8 +381,39 @@ TEST(CertificateRequests, MirrorsAreMadeInParts) {
   EXPECT_TRUE(begun->maker) << begun->why_not;
   EXPECT_EQ(beginner.told_nodes(), splits);
   EXPECT_EQ(parts, splits / kPart + 1);
-  EXPECT_NE(desk.mirrors.find(kPeer, desk.file_a, request.models[0].state).mirror, nullptr);
-  EXPECT_NE(desk.mirrors.find(kPeer, desk.file_b, request.models[1].state).mirror, nullptr);
+  EXPECT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_a), request.models[0].state).mirror,
+            nullptr);
+  EXPECT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_b), request.models[1].state).mirror,
+            nullptr);
+}
+
+// A tile of a world is closed as long as its mirrors sleep, and is opened again for one that wakes.
+TEST(Mirrors, ThatSleepKeepNoFileOpen) {
+  const std::unique_ptr<test::TempFile> path =
+      test::write_model(test::bake_mesh(generate_sphere(6, 1), 16));
+  const auto open = [&] {
+    return std::make_shared<ModelFile>(ModelFile::open(path->path()).value());
+  };
+  std::shared_ptr<ModelFile> file = open();
+  const ContentHash content = file->content_hash();
+  std::shared_ptr<Mirror> mirror = make_mirror(file, test::held_whole(file->header())).value();
+  const std::uint64_t state = mirror->state();
+  Mirrors mirrors;
+  mirrors.keep(kPeer, mirror);
+  const std::weak_ptr<ModelFile> still = file;
+  file.reset();
+  mirrors.sleep(content);
+  EXPECT_FALSE(mirrors.is_asleep(kPeer, content)) << "somebody works on it";
+  mirror.reset();
+  mirrors.sleep({1, 2});
+  EXPECT_FALSE(still.expired()) << "it is awake";
+  mirrors.sleep(content);
+  EXPECT_TRUE(mirrors.is_asleep(kPeer, content));
+  EXPECT_TRUE(still.expired());
+  file = open();
+  Mirrors::Found found = mirrors.find(kPeer, file, state);
+  ASSERT_FALSE(found.held.empty());
+  EXPECT_EQ(make_mirror(file, std::move(found.held)).value()->state(), state);
 }
 
 // Who holds a large part of all that a server may keep awake loses its own place where that is short, and nobody else's.
@@ -387,24 +423,24 @@ TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   ModelFile file = ModelFile::open(path->path()).value();
   ASSERT_GT(file.header().split_count(), Mirrors::kMaxAwakeSplits / Mirrors::kShares);
   const std::vector<std::uint8_t> whole = test::held_whole(file.header());
-  const std::uint64_t all = make_mirror(file, whole).value()->state();
+  const std::uint64_t all = make_mirror(test::lent(file), whole).value()->state();
   Mirrors mirrors;
-  const std::uint64_t nothing = Mirror(file).state();
+  const std::uint64_t nothing = Mirror(test::lent(file)).state();
   constexpr std::uint64_t kGreedy = 1, kFirst = 100;
   // The share that is left.
   constexpr std::size_t kOthers = Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror *
                                   (Mirrors::kShares - 1) / Mirrors::kShares;
   for (std::uint64_t peer = kFirst; peer < kFirst + kOthers; ++peer)
-    ASSERT_NE(mirrors.find(peer, file, nothing).mirror, nullptr);
+    ASSERT_NE(mirrors.find(peer, test::lent(file), nothing).mirror, nullptr);
   for (int i = 0; i < 3; ++i) {
-    ASSERT_EQ(mirrors.find(kGreedy, file, all).mirror, nullptr) << "it is to tell";
-    mirrors.keep(kGreedy, make_mirror(file, whole).value());
+    ASSERT_EQ(mirrors.find(kGreedy, test::lent(file), all).mirror, nullptr) << "it is to tell";
+    mirrors.keep(kGreedy, make_mirror(test::lent(file), whole).value());
     EXPECT_EQ(mirrors.awake_count(), kOthers + 1);
-    ASSERT_NE(mirrors.find(kFirst, file, nothing).mirror, nullptr);
+    ASSERT_NE(mirrors.find(kFirst, test::lent(file), nothing).mirror, nullptr);
     EXPECT_EQ(mirrors.awake_count(), kOthers);
     EXPECT_EQ(mirrors.asleep_bytes(), 0U);
   }
-  EXPECT_EQ(mirrors.find(kGreedy, file, all).mirror, nullptr);
+  EXPECT_EQ(mirrors.find(kGreedy, test::lent(file), all).mirror, nullptr);
 }
 
 TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
@@ -413,18 +449,19 @@ TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
   ModelFile file = ModelFile::open(path->path()).value();
   ASSERT_LT(file.header().split_count() * Mirrors::kMaxMirrors, Mirrors::kMaxSplits);
   const std::vector<std::uint8_t> whole = test::held_whole(file.header());
-  const std::uint64_t all = make_mirror(file, whole).value()->state();
+  const std::uint64_t all = make_mirror(test::lent(file), whole).value()->state();
   Mirrors mirrors;
   const auto is_known = [&](std::uint64_t peer) {
-    Mirrors::Found found = mirrors.find(peer, file, all);
+    Mirrors::Found found = mirrors.find(peer, test::lent(file), all);
     if (!found.held.empty())
-      mirrors.keep(peer, found.mirror = make_mirror(file, std::move(found.held)).value());
+      mirrors.keep(peer,
+                   found.mirror = make_mirror(test::lent(file), std::move(found.held)).value());
     return found.mirror != nullptr;
   };
   for (std::uint64_t peer = 0; peer < Mirrors::kMaxMirrors; ++peer)
-    mirrors.keep(peer, make_mirror(file, whole).value());
+    mirrors.keep(peer, make_mirror(test::lent(file), whole).value());
   EXPECT_TRUE(is_known(0)) << "and so it was used last";
-  mirrors.keep(Mirrors::kMaxMirrors, make_mirror(file, whole).value());
+  mirrors.keep(Mirrors::kMaxMirrors, make_mirror(test::lent(file), whole).value());
   EXPECT_TRUE(is_known(0));
   EXPECT_TRUE(is_known(2));
   EXPECT_FALSE(is_known(1));
@@ -473,7 +510,7 @@ TEST(CertificateMakers, EndAfterSoManyTests) {
   for (const auto& [model, file] :
        {std::pair(&request.models[0], &desk.file_a), {&request.models[1], &desk.file_b}}) {
     model->held = test::held_whole(file->header());
-    model->state = make_mirror(*file, model->held).value()->state();
+    model->state = make_mirror(test::lent(*file), model->held).value()->state();
   }
   request.pairs[0].solid_a = true;
   BegunCertificate begun = desk.begin(request);

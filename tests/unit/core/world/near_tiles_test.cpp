@@ -175,6 +175,40 @@ TEST(FindTilesAround, TheRestIsSoFarInAPoseThatShrinks) {
   EXPECT_GT(around.value().rest_m, apart_m - 0.1);
 }
 
+// Whoever asks tiles side by side would ask one twice at once, and count its faces twice.
+TEST(FindNearTiles, ATileThatStandsTwiceInOnePlaceIsRefused) {
+  const WorldRecord world{.tiles = 4, .faces = 4, .root_level = 1};
+  const WorldEntry tile{.place = {2, 2, 2}, .extent = {9, 9, 9}, .content = {7, 7}},
+      elsewhere{.place = {3, 2, 2}, .extent = {9, 9, 9}, .content = {7, 7}},
+      another{.place = {2, 2, 2}, .extent = {9, 9, 9}, .content = {8, 8}};
+  WorldEntry wider = tile;
+  wider.extent[2] = 12;
+  const PosedPair posed =
+      pose_pair(world_grid(world), {}, "world", {.exponent = 0}, {}, "body").value();
+  const auto search = [&](const std::vector<WorldEntry>& left,
+                          const std::vector<WorldEntry>& right) {
+    const std::array<WorldPage, 2> pages{
+        {{.level = 0, .entries = left}, {.level = 0, .entries = right}}};
+    WorldPage root{.level = 1};
+    for (std::uint64_t i = 1; i <= 2; ++i)
+      root.entries.push_back({.extent = {40, 40, 40}, .content = {i, i}});
+    const PageOf page_of = [&](const WorldEntry& entry, int) -> Result<const WorldPage*> {
+      return &pages.at(entry.content.low - 1);
+    };
+    return find_near_tiles(world, root, page_of, make_relative_frame(posed.a, posed.b),
+                           {{{0, 0, 0}}, {{50, 50, 50}}});
+  };
+  const auto fine = search({tile, another}, {elsewhere});
+  ASSERT_TRUE(fine.is_ok()) << fine.status().message();
+  EXPECT_EQ(fine.value().tiles, (std::vector{tile, another, elsewhere}));
+  for (const auto& twice : {search({tile}, {tile, elsewhere}), search({tile, another, wider}, {}),
+                            search({tile, another}, {wider})}) {
+    EXPECT_EQ(twice.status().code(), StatusCode::kCorrupt);
+    EXPECT_NE(twice.status().message().find(to_hex(tile.content)), std::string::npos)
+        << twice.status().message();
+  }
+}
+
 TEST(FindNearTiles, AWorldThatListsItselfEnds) {
   WorldPage page{.level = 0};
   for (std::int32_t i = 0; i < 36; ++i)

@@ -51,6 +51,22 @@ TEST(OpenTiles, ThoseNotUsedForLongestAreClosedWhereThereAreTooMany) {
   }
 }
 
+TEST(OpenTiles, OneThatSomebodyHoldsIsNotOpenedTwice) {
+  const test::CutTerrain terrain;
+  const WorldFolder folder = WorldFolder::open(terrain.folder).value();
+  const std::vector<ContentHash> all = tiles_of(folder, folder.root().value());
+
+  OpenTiles tiles(folder, 1);
+  const std::shared_ptr<ModelFile> held = tiles.open(all[0]).value();
+  std::weak_ptr<ModelFile> let_go = tiles.open(all[1]).value();
+  EXPECT_EQ(tiles.count(), 1U);
+  EXPECT_EQ(tiles.held(), std::vector{all[0]});
+  EXPECT_EQ(tiles.open(all[0]).value(), held);
+  EXPECT_TRUE(tiles.held().empty()) << "one is used again, and nobody holds the other";
+  EXPECT_TRUE(let_go.expired());
+  EXPECT_NE(tiles.open(all[1]).value(), nullptr);
+}
+
 TEST(OpenTiles, ThoseNotUsedForLongestAreClosedWhereAllHoldTooMuch) {
   const test::CutTerrain terrain;
   const WorldFolder folder = WorldFolder::open(terrain.folder).value();

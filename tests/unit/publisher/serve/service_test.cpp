@@ -610,7 +610,7 @@ wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::S
                                  bool truly) {
   ModelFile file = desk.open();
   const std::vector<std::uint8_t> held = test::held_whole(file.header());
-  const std::shared_ptr<Mirror> all = make_mirror(file, held).value();
+  const std::shared_ptr<Mirror> all = make_mirror(test::lent(file), held).value();
   return telling(number, peer, {desk.hash(), all->state() + (truly ? 0 : 1), held});
 }
 
@@ -666,7 +666,7 @@ TEST(Service, MirrorsThatWakeArePaidWithTime) {
   const wire::RegionSubscription truth = telling(desk, 1, kPeer, true);
   ModelFile file = desk.open();
   const CertificateRequest::Model known{desk.hash(), truth.certificate->models[0].state, {}};
-  const CertificateRequest::Model nothing{desk.hash(), Mirror(file).state(), {}};
+  const CertificateRequest::Model nothing{desk.hash(), Mirror(test::lent(file)).state(), {}};
   std::uint32_t number = 0;
   const auto ask = [&](const CertificateRequest::Model& asked) {
     desk.bus.inject(telling(++number, kPeer, asked));
@@ -705,7 +705,7 @@ TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
   ASSERT_EQ(desk.service.add_model("large", ModelFile::open(path->path()).value()).message(), "");
   ModelFile file = ModelFile::open(path->path()).value();
   const std::vector<std::uint8_t> held = test::held_whole(file.header());
-  const std::uint64_t state = make_mirror(file, held).value()->state();
+  const std::uint64_t state = make_mirror(test::lent(file), held).value()->state();
   std::vector<std::unique_ptr<subscriber::Channel>> ends;
   for (wire::SessionId id = 0xc0; id < 0xcc; ++id) {
     ends.push_back(desk.bus.make_peer(id));
@@ -740,7 +740,8 @@ TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
   const std::size_t splits = file.header().split_count();
   ASSERT_GT(splits, 20'000U);
   // All of it, and all but one split.
-  const std::shared_ptr<Mirror> peers = make_mirror(file, test::held_whole(file.header())).value();
+  const std::shared_ptr<Mirror> peers =
+      make_mirror(test::lent(file), test::held_whole(file.header())).value();
   ActiveMesh& mesh = peers->model().mesh;
   const CertificateRequest::Model whole{content, mesh.state_hash(), held_nodes(mesh).bits};
   NodeSpan last = file.header().roots.front().node;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sessions with a body that is a world, held against the one mesh that was cut into its tiles.
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <iterator>
 #include <optional>
@@ -11,6 +14,7 @@
 #include <thread>
 
 #include "core/base/digest.hpp"
+#include "core/spm/file_layout.hpp"
 #include "core/world/content_bytes.hpp"
 #include "core/world/world_folder.hpp"
 #include "cut_world.hpp"
@@ -45,8 +49,13 @@ class SpoiledChannel final : public Channel {
 
   [[nodiscard]] wire::SessionId own_id() const override { return inner_.own_id(); }
   void send(const wire::RegionSubscription& subscription) override {
-    if (!subscription.certificate && asks_for_content_bytes(subscription.region))
+    if (subscription.certificate) {
+      certificates.insert(subscription.request);
+    } else if (asks_for_content_bytes(subscription.region)) {
       requests.insert(subscription.request);
+    } else {
+      ++regions;
+    }
     inner_.send(subscription);
   }
   void send(const wire::BodyPoses&) override {}
@@ -57,7 +66,8 @@ class SpoiledChannel final : public Channel {
     std::erase_if(inbox.batches, [this](wire::SplitBatchMessage& batch) { return !passes(batch); });
     return inbox;
   }
-  std::set<std::uint32_t> requests;  ///< of pages and headers
+  std::set<std::uint32_t> requests, certificates;  ///< of pages and headers; for certificates
+  int regions = 0;                                 ///< that were asked for
 
  private:
   LocalChannel& inner_;
@@ -155,6 +165,157 @@ TEST(SessionWorlds, AnswersAreThoseOfTheMeshThatWasCut) {
   EXPECT_GT(contacts, 40U);
   EXPECT_GT(over_seams, 20U);
   EXPECT_GT(free, 10U);
+}
+
+// A tile's model begins at zero, and the poses of the world place the world's origin: the publisher is told where the tile is.
+TEST(SessionWorlds, ThePublisherChoosesDetailOfTiles) {
+  const CutTerrain terrain;
+  Random random(21);
+  int certified = 0, touching = 0;
+  for (int round = 0; round < 24; ++round) {
+    SCOPED_TRACE(round);
+    CutScene scene = random_scene(terrain, random, round % 3);
+    for (double& w : scene.ball.angular_velocity_radps) w = random.between(-1, 1);
+    CutHost host(terrain);
+    const PairAnswer answer = host.settle(scene.world, scene.ball);
+    expect_true(terrain, scene, answer);
+    certified += is_certified(answer.answer.status) ? 1 : 0;
+    touching += answer.answer.pair_total > 0 ? 1 : 0;
+    EXPECT_EQ(host.channel->regions, 0) << "each request for detail is one for a certificate";
+    EXPECT_LE(host.channel->certificates.size(), 3U);
+  }
+  EXPECT_EQ(certified, 24);
+  EXPECT_GT(touching, 6);
+}
+
+/// Its middle on the ground at that cell's corner of the terrain.
+Motion on_the_ground(const CutTerrain& terrain, int column, int row) {
+  const auto post = static_cast<std::size_t>(row * (test::kCutSide * test::kCutCells + 1) + column);
+  Motion ball;
+  ball.pose.translation_m = terrain.posts().at(post);
+  return ball;
+}
+
+// As other pairs do: it would ask for the same for ever.
+TEST(SessionWorlds, WherePublishersChooseNothingPairsWithTilesNameWhatTheyLack) {
+  const CutTerrain terrain;
+  CutHost host(terrain);
+  host.channel->passes = [&](wire::SplitBatchMessage& batch) {
+    if (host.channel->certificates.contains(batch.request)) batch.bytes.clear();
+    return true;
+  };
+  CutScene scene;
+  scene.ball = on_the_ground(terrain, 10, 10);
+  const PairAnswer answer = host.settle(scene.world, scene.ball, 400);
+  EXPECT_EQ(answer.answer.status, AnswerStatus::kContact) << answer.awaited;
+  expect_true(terrain, scene, answer);
+  EXPECT_GT(host.channel->regions, 0);
+  EXPECT_GT(host.channel->certificates.size(), 2U);
+}
+
+// One request is about all tiles near, and is refused as a whole.
+TEST(SessionWorlds, ATileThatCannotBeReadKeepsNoDetailOfOthersBack) {
+  const CutTerrain terrain;
+  CutScene scene;
+  scene.ball = on_the_ground(terrain, 10, 10);  // where four tiles meet
+  CutHost honest(terrain);
+  const PairAnswer truth = honest.settle(scene.world, scene.ball);
+  ASSERT_EQ(truth.answer.status, AnswerStatus::kContact);
+  ASSERT_GE(truth.world->tiles.size(), 4U);
+  const auto spoiled = std::ranges::max(truth.world->tiles, {}, &subscriber::NearTile::pairs).tile;
+  {  // in each of its blocks
+    const WorldFolder folder = WorldFolder::open(terrain.folder).value();
+    std::fstream file(folder.tile_path(spoiled.content),
+                      std::ios::in | std::ios::out | std::ios::binary);
+    file_layout::Preamble preamble;
+    file.read(reinterpret_cast<char*>(&preamble), sizeof(preamble));
+    const std::uint64_t first = sizeof(preamble) + preamble.header_bytes;
+    file.seekp(static_cast<std::streamoff>(first));
+    for (std::uint64_t at = first;
+         at < preamble.directory_offset - sizeof(file_layout::OriginEntry); ++at)
+      file.put('\x5a');
+    ASSERT_TRUE(file.good());
+  }
+  CutHost host(terrain);
+  const auto are_others_certified = [&](const PairAnswer& answer) {
+    return answer.world && answer.world->tiles.size() == truth.world->tiles.size() &&
+           std::ranges::all_of(answer.world->tiles, [&](const subscriber::NearTile& near) {
+             return near.tile.content == spoiled.content || is_certified(near.status);
+           });
+  };
+  PairAnswer answer = host.settle(scene.world, scene.ball, 0);
+  for (int i = 0; i < 2000 && !are_others_certified(answer); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    answer = host.update(scene.ball).answers.at(0);
+    expect_true(terrain, scene, answer);
+  }
+  EXPECT_TRUE(are_others_certified(answer)) << answer.awaited;
+  EXPECT_FALSE(is_certified(answer.answer.status));
+  ASSERT_FALSE(host.said.empty());
+  EXPECT_NE(host.said.back().find(to_hex(spoiled.content)), std::string::npos) << host.said.back();
+}
+
+/// No more files than are open, and so many.
+class FewFiles {
+ public:
+  explicit FewFiles(std::size_t more) {
+    const std::filesystem::directory_iterator open("/proc/self/fd");
+    EXPECT_EQ(::getrlimit(RLIMIT_NOFILE, &before_), 0);
+    rlimit few = before_;
+    few.rlim_cur = more + static_cast<std::size_t>(std::distance(begin(open), end(open)));
+    EXPECT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
+  }
+  FewFiles(const FewFiles&) = delete;
+  FewFiles& operator=(const FewFiles&) = delete;
+  ~FewFiles() { EXPECT_EQ(::setrlimit(RLIMIT_NOFILE, &before_), 0); }
+
+ private:
+  rlimit before_{};
+};
+
+// A mirror that is awake holds the file of its tile.
+TEST(SessionWorlds, PublishersCloseTilesThatTheirMirrorsRemember) {
+  const CutTerrain terrain;
+  const auto ball_file = test::write_model(cut_ball());
+  const FewFiles few(24);
+  const auto over_all = [&](auto&& settle) {
+    for (int row = 2; row < test::kCutSide * test::kCutCells; row += test::kCutCells)
+      for (int column = 2; column < test::kCutSide * test::kCutCells; column += test::kCutCells)
+        settle(on_the_ground(terrain, column, row));
+  };
+  {
+    CutHost host(terrain);
+    over_all([&](const Motion& ball) {
+      const PairAnswer answer = host.settle({}, ball);
+      EXPECT_EQ(answer.answer.status, AnswerStatus::kContact) << answer.awaited;
+    });
+    EXPECT_EQ(host.channel->regions, 0);
+    EXPECT_EQ(host.said, std::vector<std::string>{});
+  }
+
+  test::MemoryBus bus(3);
+  const auto end = bus.make_publisher(0xa1);
+  publisher::Service service(*end, 0xa1);
+  ASSERT_EQ(service.add_world("valley", terrain.folder).message(), "");
+  ASSERT_TRUE(service.add_model("ball", ModelFile::open(ball_file->path()).value()).is_ok());
+  service.announce();
+  Session session(bus.make_peer(0xb1));
+  const BodyId world = session.add_body({.name = "ground", .model = "valley"}).value();
+  const BodyId ball = session.add_body({.name = "ball", .model = "ball", .own = true}).value();
+  ASSERT_TRUE(session.watch(ball, world).is_ok());
+  ASSERT_TRUE(session.place_body(world, {}).is_ok());
+  std::uint64_t frame = 0;
+  over_all([&](const Motion& motion) {
+    bool is_certified = false;
+    for (int round = 0; round < 40 && !is_certified; ++round) {
+      const auto report = session.update(frame++, 0, {{ball, motion}}, 10);
+      is_certified = report.value().all_certified();
+      EXPECT_TRUE(service.step(0.01 * static_cast<double>(frame)).empty());
+      bus.tick();
+    }
+    EXPECT_TRUE(is_certified);
+  });
+  EXPECT_EQ(service.stats().refused, 0U);
 }
 
 TEST(SessionWorlds, SweptAnswersAreThoseOfTheMeshThatWasCut) {
@@ -381,13 +542,13 @@ struct BusHost {
 
 TEST(SessionWorlds, APublisherThatGoesInTheMiddleOfATileLeavesItUncertainAndNamesIt) {
   const CutTerrain terrain;
-  const CutScene scene = over_the_crater(terrain);
+  CutScene scene;
+  scene.ball = on_the_ground(terrain, 10, 10);  // where four tiles meet
   std::set<ContentHash> pages;
   for (const auto& [content, bytes] : terrain.pages.pages) pages.insert(content);
   int in_header = 0, in_detail = 0, in_page = 0, whole = 0;
   for (int most = 1; whole == 0 && most < 200; ++most) {
     BusHost host(terrain);
-    host.bus.most_splits = 3;  // so that detail takes several answers
     int came = 0;
     bool is_page = false, is_piece = false;
     host.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& batch) {

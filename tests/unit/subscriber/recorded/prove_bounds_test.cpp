@@ -368,7 +368,7 @@ TEST_F(ProveBounds, ARecorderThatComesLateProvesWhatFollows) {
   std::map<std::string, KeptSample> latched;
   for (std::size_t i = 0; i < begin; ++i) {
     const KeptSample& sample = kept_[i];
-    if (!sample.batch.bytes.empty() || sample.as<wire::BoundsReport>() != nullptr ||
+    if (sample.is_batch() || sample.as<wire::BoundsReport>() != nullptr ||
         sample.as<wire::ContactReport>() != nullptr)
       continue;
     std::visit(
@@ -495,7 +495,7 @@ TEST_F(ProveBounds, WhatIsFreeOfAWorldIsProvedWithItsFirstPage) {
   EXPECT_EQ(proof.proved, proof.reports) << reasons_of(proof);
   KeptSamples without;
   for (const KeptSample& sample : kept_)
-    if (sample.batch.bytes.empty()) without.push_back(sample);
+    if (!sample.is_batch()) without.push_back(sample);
   const BoundsProof less = prove(without);
   EXPECT_GT(less.unprovable, 5U) << reasons_of(less);
   EXPECT_EQ(less.wrong, 0U);

@@ -16,7 +16,8 @@
 
 namespace nearmesh {
 class Mirrors;
-}
+class WorldSource;
+}  // namespace nearmesh
 
 namespace nearmesh::subscriber {
 
@@ -33,7 +34,8 @@ class LocalChannel final : public Channel {
   /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
 
-  /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and detail as they are asked for, at most 64 tiles open.
+  /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and detail as they are asked for, as many tiles open as a
+  /// publisher has.
   /// Errors: as add_model(); kNotFound, kIo, kCorrupt, kUnsupported, naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder);
 
@@ -60,10 +62,13 @@ class LocalChannel final : public Channel {
   static constexpr wire::SessionId kPeer = 1, kPublisher = 2;
   struct Model {
     std::string name;
-    ModelFile file;
+    std::shared_ptr<ModelFile> file;
   };
   struct World;
   void announce();
+  [[nodiscard]] std::shared_ptr<ModelFile> file_of(const ContentHash& content) const;
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> open_tile(WorldSource& world,
+                                                             const ContentHash& content) const;
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer_of_world(
       const wire::RegionSubscription& subscription);
   [[nodiscard]] std::vector<wire::SplitBatchMessage> answer(
