@@ -189,7 +189,7 @@ void LocalChannel::certify(const wire::RegionSubscription& subscription) {
         return model == models_.end() ? nullptr : &model->second.file;
       });
   if (!begun.maker) {
-    deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
+    deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.content,
                                        begun.wants_regions)});
     return;
   }

@@ -82,9 +82,10 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
         states_of(pair) != pair.asked.states)
       pair.asked = {};
-    pair.by_region = pair.is_of_tile || publisher == nullptr || publisher->wants_regions ||
-                     a.is_too_much_to_tell || b.is_too_much_to_tell ||
-                     pair.asked.fruitless >= kMaxFruitless;
+    pair.by_region = pair.is_of_tile || publisher == nullptr ||
+                     publisher->by_region.contains(a.content_hash) ||
+                     publisher->by_region.contains(b.content_hash) || a.is_too_much_to_tell ||
+                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless;
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (at_work.contains(publisher->hello.publisher) || has_open(a.content_hash) ||
@@ -183,7 +184,9 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     CertificateRequest::Model& said = certificate.models.emplace_back();
     said.content = model->content_hash;
     said.state = model->replica->mesh().state_hash();
-    const bool is_new = model->told != id && model->replica->mesh().split_count() > 0;
+    const ActiveMesh& mesh = model->replica->mesh();
+    const bool holds_any = mesh.split_count() > 0 || !mesh.half_spaces().is_empty();
+    const bool is_new = model->told != id && holds_any;
     if (model->tells_held || is_new) said.held = held_nodes(*model->replica).bits;
     model->is_too_much_to_tell =
         said.held.size() > kMaxToldBytes ||
