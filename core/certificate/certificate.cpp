@@ -291,9 +291,16 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
     CertificateRequest::Model& model = request_.models[found_.size()];
     if (maker_ == nullptr) {
       const std::shared_ptr<ModelFile> file = file_of_(model.content);
-      if (file == nullptr)
+      if (file == nullptr) {
+        const bool is_any_served =
+            std::any_of(request_.models.begin(), request_.models.end(),
+                        [this](const auto& each) { return file_of_(each.content) != nullptr; });
         return BegunCertificate{
-            {}, "content " + to_hex(model.content) + " is not served here", {}, true};
+            .maker = {},
+            .why_not = "content " + to_hex(model.content) + " is not served here",
+            .content = is_any_served ? model.content : ContentHash{},
+            .wants_regions = true};
+      }
       Mirrors::Found known = mirrors_->find(peer_, file, model.state);
       if (known.mirror) {
         found_.push_back(std::move(known.mirror));
@@ -302,10 +309,10 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
       is_waking_ = !known.held.empty();
       std::vector<std::uint8_t>& held = is_waking_ ? known.held : model.held;
       if (held.empty())
-        return BegunCertificate{{},
-                                "the state of content " + to_hex(model.content) + " is not known",
-                                model.content,
-                                false};
+        return BegunCertificate{
+            .maker = {},
+            .why_not = "the state of content " + to_hex(model.content) + " is not known",
+            .content = model.content};
       maker_ = std::make_unique<MirrorMaker>(file, std::move(held));
     }
     const std::size_t before = maker_->told_nodes();
@@ -318,13 +325,14 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
     const bool is_that_state = made.is_ok() && made.value()->state() == model.state;
     // What slept comes out as another where the file was changed: then the peer is to say what it holds, as if there had been nothing.
     if (!is_that_state && is_waking_) continue;
-    if (!made.is_ok()) return BegunCertificate{{}, made.status().message(), {}, true};
     if (!is_that_state)
-      return BegunCertificate{{},
-                              "what is held of content " + to_hex(model.content) +
-                                  " is not the state that is said to be held",
-                              {},
-                              true};
+      return BegunCertificate{.maker = {},
+                              .why_not = made.is_ok()
+                                             ? "what is held of content " + to_hex(model.content) +
+                                                   " is not the state that is said to be held"
+                                             : made.status().message(),
+                              .content = model.content,
+                              .wants_regions = true};
     mirrors_->keep(peer_, made.value());
     found_.push_back(std::move(made).value());
   }
@@ -341,8 +349,11 @@ BegunCertificate CertificateBeginner::begin() {
                 check_solid(found_[model]->file().header().surface,
                             "of content " + to_hex(request_.models[model].content));
             !status.is_ok())
-          return {{}, status.message(), {}, true};
-  return {CertificateMaker(std::move(request_), std::move(found_)), {}, {}, false};
+          return {.maker = {},
+                  .why_not = status.message(),
+                  .content = request_.models[model].content,
+                  .wants_regions = true};
+  return {.maker = CertificateMaker(std::move(request_), std::move(found_))};
 }
 
 BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest& request,

@@ -73,8 +73,8 @@ class CertificateMaker {
 struct BegunCertificate {
   std::optional<CertificateMaker> maker;
   std::string why_not;
-  ContentHash unknown_state;   ///< the peer is to say what it holds of this content; or none
-  bool wants_regions = false;  ///< the peer is to ask for regions
+  ContentHash content;         ///< of which it is not; or none: of all
+  bool wants_regions = false;  ///< the peer is to ask for regions of it; else to say what it holds
 };
 
 /// Finds the mirrors for a request, and makes those that sleep, or are not there, of what they were or what the peer says that it holds, in parts.

@@ -118,11 +118,11 @@ SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription&
 }
 
 SplitBatchMessage redirection_message(SessionId publisher, const RegionSubscription& request,
-                                      const std::string& why, const ContentHash& unknown_state,
+                                      const std::string& why, const ContentHash& content,
                                       bool wants_regions) {
   SplitBatchMessage message = refusal_message(publisher, request, why);
-  message.content_hash = unknown_state;
-  message.wants_held = unknown_state.is_set();
+  message.content_hash = content;
+  message.wants_held = !wants_regions;
   message.wants_regions = wants_regions;
   return message;
 }

@@ -394,9 +394,8 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
                     kToldNode_s * static_cast<double>(its->beginner.told_nodes() - told_before);
       if (!begun) return Part{.is_of_mirror = true};
       if (!begun->maker)
-        return Part{.instead =
-                        wire::redirection_message(session_, asked, begun->why_not,
-                                                  begun->unknown_state, begun->wants_regions)};
+        return Part{.instead = wire::redirection_message(session_, asked, begun->why_not,
+                                                         begun->content, begun->wants_regions)};
       its->maker = std::move(begun->maker);
     }
     auto made = its->maker->next();

@@ -206,7 +206,7 @@ void LocalChannel::certify(const wire::RegionSubscription& subscription) {
       begin_certificate(kPeer, *subscription.certificate, *mirrors_,
                         [this](const ContentHash& content) { return file_of(content); });
   if (!begun.maker) {
-    deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
+    deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.content,
                                        begun.wants_regions)});
     return;
   }

@@ -64,12 +64,19 @@ void ReplicaSet::remove(const std::string& name) {
   models_.erase(at);
 }
 
-/// Tiles come and go as bodies move: who has lied of one is not asked again when it comes back.
+/// Tiles come and go as bodies move: who has lied of one is not asked again when it comes back, and what was not proved of it counts then.
 void ReplicaSet::note_gone(const PeerModel& model) {
   if (!model.is_ready()) return;
   begins_in_ = ++last_era_;
   for (const wire::SessionId publisher : model.replica->distrusted())
     distrusted_.put({model.content_hash, publisher}, {});
+  if (model.audit.request != 0 || !model.audit.unproved.empty())
+    gone_audits_.put(model.content_hash, model.audit);
+}
+
+void ReplicaSet::note_unread(const wire::SplitBatchMessage& message) {
+  PeerModel::Audit* audit = gone_audits_.use(message.content_hash);
+  if (audit != nullptr && audit->is_answered_by(message)) audit->request = 0;
 }
 
 void ReplicaSet::note_given_up() {
@@ -138,7 +145,7 @@ bool ReplicaSet::has_room_for(const wire::MeshHeader& header) const {
 
 void ReplicaSet::make_room_for(const wire::MeshHeader& header,
                                const std::function<bool(const ContentHash&)>& is_served) {
-  if (refused_.contains(header.content_hash) || unclaimed_.contains(header.content_hash) ||
+  if (is_refused(header.content_hash) || unclaimed_.contains(header.content_hash) ||
       find(header.content_hash) != nullptr)
     return;
   while (!has_room_for(header)) {
@@ -162,10 +169,29 @@ void ReplicaSet::keep_header(const Channel::Header& header) {
   unclaimed_.emplace(message.content_hash, Spare{header, ++spares_that_came_});
 }
 
+/// Of that content for certain: else it befell the header on its way.
+void ReplicaSet::refuse(const PeerModel& model, const Channel::Header& header, const Status& why,
+                        std::vector<std::string>& complaints) {
+  const ContentHash& content = header.message.content_hash;
+  const bool contradicts = why.code() == StatusCode::kCorrupt;
+  const bool is_final =
+      (contradicts || model.is_tile) && digest_of(header.message.bytes) == content;
+  if (is_final) {
+    refused_.put(content, {});
+    ++refused_count_;
+  }
+  complaints.push_back("model " + model.name + ": publisher " + to_hex(header.publisher) +
+                       (!is_final
+                            ? ": "
+                            : (contradicts ? " contradicts itself, its content " : ": content ") +
+                                  to_hex(content) + " is not taken: ") +
+                       why.message());
+}
+
 std::size_t ReplicaSet::take_header(const Channel::Header& header,
                                     std::vector<std::string>& complaints) {
   const wire::MeshHeader& message = header.message;
-  if (refused_.contains(message.content_hash)) return 0;
+  if (is_refused(message.content_hash)) return 0;
   PeerModel* model = find(message.content_hash);
   if (model == nullptr) {
     keep_header(header);
@@ -175,8 +201,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   if (is_world_record(message.bytes)) {
     Result<PeerWorld> world = PeerWorld::from_record(message.content_hash, message.bytes);
     if (!world.is_ok()) {
-      complaints.push_back("model " + model->name + ": publisher " + to_hex(header.publisher) +
-                           ": " + world.status().message());
+      refuse(*model, header, world.status(), complaints);
       return 0;
     }
     model->world = std::move(world).value();
@@ -190,16 +215,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   }
   Result<Replica> replica = Replica::from_header(message.bytes);
   if (!replica.is_ok()) {
-    // Of that content for certain: else it befell the header on its way.
-    const bool contradicts = replica.status().code() == StatusCode::kCorrupt &&
-                             digest_of(message.bytes) == message.content_hash;
-    if (contradicts && refused_.size() < kMaxRefusedContents)
-      refused_.emplace(message.content_hash, header.publisher);
-    complaints.push_back("model " + model->name + ": publisher " + to_hex(header.publisher) +
-                         (contradicts ? " contradicts itself, its content " +
-                                            to_hex(message.content_hash) + " is not taken: "
-                                      : ": ") +
-                         replica.status().message());
+    refuse(*model, header, replica.status(), complaints);
     return 0;
   }
   model->world_before.reset();
@@ -207,6 +223,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   distrusted_.for_each([&](const auto& its, std::monostate) {
     if (its.first == message.content_hash) model->replica->distrust(its.second);
   });
+  if (auto audit = gone_audits_.extract(message.content_hash)) model->audit = *std::move(audit);
   model->noted_give_ups = model->replica->give_ups();  // nothing was here
   model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;

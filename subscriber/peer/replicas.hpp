@@ -24,8 +24,8 @@ namespace nearmesh::subscriber {
 /// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a publisher serves
 /// (kMaxModels), and together no more than this.
 inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
-/// Contents that are known to contradict themselves.
-inline constexpr std::size_t kMaxRefusedContents = 256;
+/// Contents of which nothing can be taken. Of more the first are asked for again.
+inline constexpr std::size_t kMaxRefusedContents = 4096;
 /// Of replicas that are gone: who is not asked for a content again.
 inline constexpr std::size_t kMaxDistrusted = 4096;
 
@@ -77,6 +77,10 @@ struct PeerModel {
     double sent_s = 0, due_s = 0;
     bool is_answered = false, is_proved = false;
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
+
+    [[nodiscard]] bool is_answered_by(const wire::SplitBatchMessage& message) const {
+      return request != 0 && request == message.request && publisher == message.publisher;
+    }
   } audit;
 
   std::uint64_t left = 0;  ///< in this turn the last body that had it went; 0: bodies have it
@@ -131,14 +135,16 @@ class ReplicaSet {
   void make_room_for(const wire::MeshHeader& header,
                      const std::function<bool(const ContentHash&)>& is_served);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
-  /// One that contradicts itself is complained of once, and nothing is taken of that content any more.
+  /// One that contradicts itself is complained of once, and nothing is taken of that content any more; of a tile any that cannot be taken,
+  /// since tiles are asked for until they are here.
   std::size_t take_header(const Channel::Header& header, std::vector<std::string>& complaints);
-  /// Who served a content whose header contradicts itself; 0: it does not, or has not come.
-  [[nodiscard]] wire::SessionId refused_of(const ContentHash& content) const {
-    const auto at = refused_.find(content);
-    return at == refused_.end() ? 0 : at->second;
+  [[nodiscard]] bool is_refused(const ContentHash& content) const {
+    return refused_.find(content) != nullptr;
   }
-  [[nodiscard]] std::size_t refused_count() const { return refused_.size(); }
+  /// So many contents were refused, ever.
+  [[nodiscard]] std::uint64_t refused_count() const { return refused_count_; }
+  /// A batch of a content that is not here. What answers an audit of it that was open when it went proves nothing, and refutes nothing.
+  void note_unread(const wire::SplitBatchMessage& message);
   /// Begins an era of each model of which detail was given up since the last call.
   void note_given_up();
   /// Applies the oldest waiting batch of some model; false when none waits.
@@ -158,6 +164,8 @@ class ReplicaSet {
     std::uint64_t came = 0;  // in this turn
   };
   void keep_header(const Channel::Header& header);
+  void refuse(const PeerModel& model, const Channel::Header& header, const Status& why,
+              std::vector<std::string>& complaints);
   void drop(PeerModel& model);
   void note_gone(const PeerModel& model);
   void drop_spare(std::map<ContentHash, Spare>::iterator spare);
@@ -168,8 +176,10 @@ class ReplicaSet {
   std::size_t unclaimed_bytes_ = 0;
   std::uint64_t spares_that_came_ = 0;
   std::uint64_t models_left_ = 0;
-  std::map<ContentHash, wire::SessionId> refused_;
+  LruMap<ContentHash, std::monostate> refused_{kMaxRefusedContents};
+  std::uint64_t refused_count_ = 0;
   LruMap<std::pair<ContentHash, wire::SessionId>, std::monostate> distrusted_{kMaxDistrusted};
+  LruMap<ContentHash, PeerModel::Audit> gone_audits_{kMaxDistrusted};
   std::uint32_t last_era_ = 0;
   std::uint32_t begins_in_ =
       0;  // a replica: the era when one was dropped last, for it may be of the same content

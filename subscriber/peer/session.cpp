@@ -308,7 +308,7 @@ void Session::Impl::give_up(PeerModel& model, const std::vector<RegionPart>& kep
 std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
   if (model.world) return "its first page has not come";
   const bool is_served = std::any_of(publishers.begin(), publishers.end(), [&](const auto& entry) {
-    return entry.second.serves(model.content_hash) && replicas.refused_of(model.content_hash) == 0;
+    return entry.second.serves(model.content_hash) && !replicas.is_refused(model.content_hash);
   });
   if (is_served) return "its header has not come";
   if (!model.conflict.empty()) return model.conflict;

@@ -255,12 +255,12 @@ double Session::Impl::patience_after(std::uint32_t lost_requests) const {
 }
 
 // The request that was sent last, in place of what was asked of this content before. Whatever else the publisher sends meanwhile says that it
-// lives, not that it has had the time for this: without a count of its own a long answer would be begun again and again.
+// lives, not that it has had the time for this: without a count of its own a long answer would be begun again and again, of two publishers
+// at each in turn.
 void Session::Impl::open_request(const ContentHash& content, const Publisher& publisher,
                                  Outstanding open) {
   if (const auto before = outstanding.find(content);
-      before != outstanding.end() && before->second.publisher == publisher.hello.publisher &&
-      is_lost(before->second))
+      before != outstanding.end() && is_lost(before->second))
     open.lost_before = before->second.lost_before + 1;
   open.request = last_request;
   open.heard_s = clock.seconds();

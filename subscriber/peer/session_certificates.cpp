@@ -103,7 +103,8 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
         states_of(pair) != pair.asked.states)
       pair.asked = {};
-    pair.by_region = publisher == nullptr || publisher->wants_regions || a.is_too_much_to_tell ||
+    pair.by_region = publisher == nullptr || publisher->by_region.contains(a.content_hash) ||
+                     publisher->by_region.contains(b.content_hash) || a.is_too_much_to_tell ||
                      b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless ||
                      clock.seconds() < std::max(a.by_region_until_s, b.by_region_until_s);
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
@@ -204,7 +205,9 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     CertificateRequest::Model& said = certificate.models.emplace_back();
     said.content = model->content_hash;
     said.state = model->replica->mesh().state_hash();
-    const bool is_new = model->told != id && model->replica->mesh().split_count() > 0;
+    const ActiveMesh& mesh = model->replica->mesh();
+    const bool holds_any = mesh.split_count() > 0 || !mesh.half_spaces().is_empty();
+    const bool is_new = model->told != id && holds_any;
     if (model->tells_held || is_new) said.held = held_nodes(*model->replica).bits;
     model->is_too_much_to_tell =
         said.held.size() > kMaxToldBytes ||
@@ -232,10 +235,10 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
 }
 
 /// For one of its models that cannot be read, perhaps: each is asked for by itself for a while.
-void Session::Impl::take_refused_certificate(std::uint32_t request) {
+void Session::Impl::take_refused_certificate(const wire::SplitBatchMessage& message) {
   std::erase_if(outstanding, [&](const auto& entry) {
     const auto& [content, open] = entry;
-    if (open.request != request || !open.is_certificate) return false;
+    if (!open.is_answered_by(message) || !open.is_certificate) return false;
     if (PeerModel* model = replicas.find(content); model != nullptr) {
       model->tells_held |= open.has_told_held;  // what it said of us is lost, too
       model->by_region_until_s = clock.seconds() + kRefused_s;

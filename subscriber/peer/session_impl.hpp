@@ -113,7 +113,12 @@ struct Outstanding {
   bool is_certificate = false;    // bodies were told, no region
   bool has_told_held = false;     // and what is held of all models
   bool is_counted = false;        // as lost
-  std::uint32_t lost_before = 0;  // of the same publisher and content, in a row
+  std::uint32_t lost_before = 0;  // of the same content in a row, whoever was asked
+
+  /// Anybody may write any number: it counts from who was asked.
+  [[nodiscard]] bool is_answered_by(const wire::SplitBatchMessage& message) const {
+    return request == message.request && publisher == message.publisher;
+  }
 };
 
 struct Publisher {
@@ -121,7 +126,7 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
-  bool wants_regions = false;       // it chooses nothing itself
+  std::set<ContentHash> by_region;  // for bodies of these it does not choose
   std::set<ContentHash> announced;  // by the hello: looked at for each pair
   std::set<ContentHash> parts;  // pages and tiles of worlds that it serves, as far as they are used
 
@@ -286,6 +291,7 @@ struct Session::Impl {
     ContentHash of_world;
     bool is_page = false;         // else the header of a tile
     std::uint64_t wanted_in = 0;  // the update that wanted it last
+    wire::SessionId asked = 0;    // whose pieces the reader has
   };
   std::map<ContentHash, WantedBytes> wanted_bytes;
   // What probes of worlds lack, or lacked of late: by the world's body; of a page the content alone counts.
@@ -405,8 +411,8 @@ struct Session::Impl {
   void watch_many(bool only_own);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);
-  void close_request(std::uint32_t request);
-  void take_refused_certificate(std::uint32_t request);
+  void close_request(const wire::SplitBatchMessage& message);
+  void take_refused_certificate(const wire::SplitBatchMessage& message);
   void ask_anew(Body& body);
   void leave_model(PeerModel& model);
   void bound(Body& body, FrameReport& report);

@@ -201,19 +201,22 @@ void Session::Impl::forget_pose(Body& body) {
 }
 
 void Session::Impl::take_hello(const wire::Hello& hello) {
-  if (!publishers.contains(
-          hello.publisher))  // what the others have not answered may be asked of it
-    std::erase_if(outstanding, [this](const auto& open) {
-      const auto asked = publishers.find(open.second.publisher);
-      return clock.seconds() - open.second.heard_s >= options.request_timeout_s ||
-             (asked != publishers.end() && asked->second.lost_requests > 0);
-    });
+  const bool has_come = !publishers.contains(hello.publisher);
   Publisher& publisher = publishers[hello.publisher];
   publisher.hello = hello;
   publisher.announced.clear();
   for (const auto& model : hello.models) publisher.announced.insert(model.content_hash);
+  // What the others have not answered may be asked of it. It counts as lost, and how often it was: who comes again and again would have it begun
+  // anew each time.
+  for (auto& [content, open] : outstanding) {
+    if (!has_come || !publisher.announces(content)) continue;
+    const auto asked = publishers.find(open.publisher);
+    if (clock.seconds() - open.heard_s >= options.request_timeout_s ||
+        (asked != publishers.end() && asked->second.lost_requests > 0))
+      open.patience_s = 0;
+  }
   publisher.lost_requests = 0;
-  publisher.wants_regions = false;
+  publisher.by_region.clear();
   has_news = true;
 }
 
@@ -222,7 +225,7 @@ void Session::Impl::take_header(const Channel::Header& header,
                                 std::vector<std::string>& complaints) {
   const auto publisher = publishers.find(header.publisher);
   if (publisher != publishers.end() && publisher->second.serves(header.message.content_hash)) {
-    const std::size_t refused_before = replicas.refused_count();
+    const std::uint64_t refused_before = replicas.refused_count();
     replicas.make_room_for(header.message, [this](const ContentHash& content) {
       return std::any_of(publishers.begin(), publishers.end(),
                          [&](const auto& entry) { return entry.second.announces(content); });
@@ -258,7 +261,7 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
     for (const auto& [id, publisher] : publishers) wire::add_offer(publisher.hello, name, offers);
     std::string untaken;
     std::erase_if(offers, [&](const wire::Offer& offer) {
-      if (replicas.refused_of(offer.content) == 0) return false;
+      if (!replicas.is_refused(offer.content)) return false;
       untaken = "publisher " + to_hex(offer.publisher) + " serves content " +
                 to_hex(offer.content) + ", which contradicts itself and is not taken";
       return true;
@@ -273,7 +276,7 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
     if (model.is_held() && model.pinned.is_set() && before != model.pinned)
       complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
                            " is pinned now; content " + to_hex(before) + " is dropped");
-    const std::size_t refused_before = replicas.refused_count();
+    const std::uint64_t refused_before = replicas.refused_count();
     stats.header_bytes += replicas.assign(model, choice.content, complaints);
     model.epoch = choice.epoch;
     ReplicaSet::expect(model, choice.coming);
@@ -303,14 +306,20 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     return;
   }
   PeerModel* model = replicas.find(message.content_hash);
-  if (model != nullptr && model->audit.request != 0 && message.request == model->audit.request) {
+  if (model == nullptr) replicas.note_unread(message);
+  const bool is_of_audit = model != nullptr && model->audit.is_answered_by(message);
+  if (is_of_audit) {
     stats.audit_bytes += message.bytes.size();
     model->audit.is_answered |= message.last;
   }
   if (message.refused) {
     // Another request stays open until its time-out, so that a refusal is not asked for every frame.
+    if (!is_of_audit && std::none_of(outstanding.begin(), outstanding.end(), [&](const auto& open) {
+          return open.second.is_answered_by(message);
+        }))
+      return;
     ++refused;
-    take_refused_certificate(message.request);
+    take_refused_certificate(message);
     report.complaints.push_back("publisher refused request " + std::to_string(message.request) +
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
@@ -321,11 +330,11 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   }
   bool is_chosen = false;
   for (auto& [content, open] : outstanding) {
-    if (open.request != message.request) continue;
+    if (!open.is_answered_by(message)) continue;
     open.heard_s = clock.seconds();
     is_chosen = open.is_certificate;
   }
-  if (message.last) close_request(message.request);
+  if (message.last) close_request(message);
   if (model == nullptr || message.bytes.empty()) return;
   model->tells_held |= !is_chosen && !is_audit_piece(message.bytes);
   if (model->waiting.size() < kMaxWaitingBatches) {
@@ -337,29 +346,31 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   }
 }
 
-void Session::Impl::close_request(std::uint32_t request) {
-  std::erase_if(outstanding,
-                [request](const auto& open) { return open.second.request == request; });
+void Session::Impl::close_request(const wire::SplitBatchMessage& message) {
+  const auto closed = std::erase_if(
+      outstanding, [&](const auto& open) { return open.second.is_answered_by(message); });
+  if (closed == 0) return;
   for (auto& [bodies_of, pair] : pairs)
-    if (pair.asked.request == request) pair.asked.is_answered = true;
+    if (pair.asked.request == message.request) pair.asked.is_answered = true;
   for (auto& [place, pair] : tile_pairs)
-    if (pair.asked.request == request) pair.asked.is_answered = true;
+    if (pair.asked.request == message.request) pair.asked.is_answered = true;
 }
 
 /// The publisher cannot answer what it was asked; it says how to ask.
 void Session::Impl::take_redirection(const wire::SplitBatchMessage& message) {
   const auto publisher = publishers.find(message.publisher);
   for (auto at = outstanding.begin(); at != outstanding.end();) {
-    if (at->second.request != message.request) {
+    if (!at->second.is_answered_by(message)) {
       ++at;
       continue;
     }
     // Who has forgotten one state has forgotten them all.
     if (PeerModel* model = replicas.find(at->first); model != nullptr && message.wants_held)
       model->tells_held = true;
-    if (publisher != publishers.end() &&
+    const bool is_meant = !message.content_hash.is_set() || at->first == message.content_hash;
+    if (publisher != publishers.end() && is_meant &&
         (message.wants_regions || (message.wants_held && at->second.has_told_held)))
-      publisher->second.wants_regions = true;
+      publisher->second.by_region.insert(at->first);
     at = outstanding.erase(at);
   }
 }

@@ -234,8 +234,8 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
     why_not = "its name stands for another content";
     return nullptr;
   }
-  if (replicas.refused_of(content) != 0) {
-    why_not = "it contradicts itself and is not taken";
+  if (replicas.is_refused(content)) {
+    why_not = "its header is not taken, as was said";
     return nullptr;
   }
   Body& body = tile_bodies[{world.id.value, entry}];
@@ -313,6 +313,9 @@ void Session::Impl::ask_for_bytes() {
     if (open_count >= kMostAsked) continue;
     const Publisher* publisher = publisher_of(content);
     if (publisher == nullptr) continue;
+    // Of what another sent nobody knows whether it is true, and the next would be blamed for it.
+    if (std::exchange(wanted.asked, publisher->hello.publisher) != publisher->hello.publisher)
+      wanted.reader = ContentReader(content);
     send_request(*publisher, kNeededNow,
                  {.content_hash = content, .region = content_bytes_request()});
     ++stats.requests;
@@ -321,14 +324,15 @@ void Session::Impl::ask_for_bytes() {
   }
 }
 
-/// A piece of what ask_for_bytes() asks.
+/// A piece of what ask_for_bytes() asks. Of who was not asked it counts for nothing: others could have the bytes begun anew, or the
+/// publisher taken for a liar.
 void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameReport& report) {
-  const auto at = wanted_bytes.find(message.content_hash);
   const auto open = outstanding.find(message.content_hash);
-  const bool is_open = open != outstanding.end() && open->second.request == message.request;
-  if (is_open) open->second.heard_s = clock.seconds();
+  if (open == outstanding.end() || !open->second.is_answered_by(message)) return;
+  open->second.heard_s = clock.seconds();
+  const auto at = wanted_bytes.find(message.content_hash);
   if (at == wanted_bytes.end()) {
-    if (is_open && message.last) outstanding.erase(open);
+    if (message.last) outstanding.erase(open);
     return;
   }
   const auto piece = unseal_batch(message.content_hash, message.bytes);
@@ -342,7 +346,7 @@ void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameRepo
       ++liar->second.lost_requests;
     return;
   }
-  if (is_open && message.last) outstanding.erase(open);
+  if (message.last) outstanding.erase(open);
   if (!bytes.value()) return;
   const WantedBytes wanted = std::move(at->second);
   wanted_bytes.erase(at);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a session has a publisher choose what certifies its answers, and what it does where that publisher cannot.
+#include "core/demand/answer.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
@@ -96,6 +97,35 @@ TEST(Certificates, AnotherPublisherIsToldAtOnce) {
   EXPECT_EQ(desk.wants_held, 0U);
 }
 
+// Half-spaces are held, too, and a state that is not known costs a round trip.
+TEST(Certificates, AnotherPublisherIsToldAtOnceOfHalfSpacesAlone) {
+  int found = 0;
+  for (int step = 1; step < 40; ++step) {
+    Desk desk;
+    desk.world.start_publisher();
+    subscriber::Session session(desk.world.bus.make_peer(test::kPeer), test::quick_options());
+    ASSERT_EQ(session.add_body({.name = "ground", .model = "terrain"}).value(), test::kGround);
+    ASSERT_TRUE(session.place_body(test::kGround, {}).is_ok());
+    const auto one = session.add_body({.name = "one", .model = "aircraft", .own = true}).value();
+    ASSERT_TRUE(session.watch(test::kGround, one).is_ok());
+    const BakedModel& ground = test::terrain().model;
+    Motion motion;
+    motion.pose.translation_m = test::position_m(ground.header, ground.store, {77});
+    const double height_m = 0.25 * step;
+    motion.pose.translation_m[2] += height_m;
+    ASSERT_TRUE(desk.world.fly_frame(session, 0, {{one, motion}}));
+    if (desk.asked_certificates() == 0 || session.stats().held_splits > 0) continue;
+    ++found;
+    desk.world.stop_publisher();
+    desk.world.start_publisher(0xa2);
+    motion.pose.translation_m[2] -= height_m;
+    EXPECT_TRUE(desk.world.fly_frame(session, 1, {{one, motion}}));
+    EXPECT_EQ(desk.told_held(), 1U);
+    EXPECT_EQ(desk.wants_held, 0U);
+  }
+  EXPECT_GT(found, 0);
+}
+
 TEST(Certificates, APublisherThatForgotAsksOnceWhatIsHeld) {
   Desk desk;
   desk.world.start_publisher();
@@ -129,7 +159,32 @@ TEST(Certificates, APublisherThatNeverRemembersIsAskedForRegions) {
   const Flight flight = make_flight(3);
   EXPECT_EQ(desk.world.fly(*session, flight), flight.frames());
   EXPECT_GT(desk.asked_regions(), 0U);
-  EXPECT_LE(desk.asked_certificates(), 2U);
+  EXPECT_LE(desk.asked_certificates(), 4U) << "two for each content";
+}
+
+// It chooses for all others as before.
+TEST(Certificates, RegionsAreAskedForOfTheContentThatThePublisherDoesNotChooseFor) {
+  Desk desk;
+  desk.world.start_publisher();
+  const ModelFile ground = test::terrain().open();
+  desk.world.service().add_answerer(
+      ground.content_hash(),
+      [&ground](const RegionRequest& request) -> Result<publisher::Service::Parts> {
+        auto batches = answer_request(test::terrain().model.header, test::terrain().model.store,
+                                      request, [](NodeSpan) { return Status::ok(); });
+        NEARMESH_RETURN_IF_ERROR(batches);
+        return publisher::Service::Parts(
+            [whole = std::move(batches).value(),
+             content = ground.content_hash()]() mutable -> Result<publisher::Service::Part> {
+              return publisher::Service::Part{content, std::move(whole), true};
+            });
+      });
+  const auto session = desk.world.make_peer();
+  for (std::uint64_t seed = 1; seed <= 5; ++seed)
+    EXPECT_EQ(desk.world.fly(*session, make_flight(seed)), 40U);
+  EXPECT_EQ(desk.wants_regions, 1U);
+  EXPECT_GT(desk.asked_regions(), 0U);
+  EXPECT_GT(desk.asked_certificates(), 3U) << "of the two aircraft";
 }
 
 TEST(Certificates, RegionsAreAskedForWhereNobodyServesBothModels) {

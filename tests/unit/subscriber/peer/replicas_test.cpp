@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "core/base/digest.hpp"
+#include "core/world/page.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::subscriber {
@@ -106,6 +108,28 @@ TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
   for (std::uint64_t number = kLast + 1; number <= kLast + kMost; ++number) take(number, 0);
   EXPECT_TRUE(is_kept(replicas, kLast + 3));
   EXPECT_FALSE(is_kept(replicas, kLast + 4));  // all are served
+}
+
+// A tile is asked for until its header is here: with each round trip there would be one more line, for ever.
+TEST(ReplicaSet, AHeaderOfATileThatCannotBeTakenIsComplainedOfOnce) {
+  ReplicaSet replicas;
+  std::vector<std::string> complaints;
+  std::vector<std::uint8_t> world_bytes = encode_world({});
+  world_bytes.pop_back();
+  std::vector<std::vector<std::uint8_t>> all{world_bytes};
+  for (std::uint8_t i = 0; i < 250; ++i)
+    for (std::uint8_t j = 0; j < 2; ++j) all.push_back({i, j, 3});
+  ASSERT_TRUE(is_world_record(world_bytes));
+  for (int round = 0; round < 3; ++round)
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const Channel::Header header{
+          1, {.name = "tile", .content_hash = digest_of(all[i]), .bytes = all[i]}};
+      PeerModel& model = replicas.add("tile" + std::to_string(i));
+      static_cast<void>(replicas.assign(model, header.message.content_hash, complaints));
+      model.is_tile = true;
+      EXPECT_EQ(replicas.take_header(header, complaints), 0U);
+    }
+  EXPECT_EQ(complaints.size(), all.size());
 }
 
 // A tile that nothing is near goes, and comes back with the bodies.
