@@ -174,12 +174,15 @@ TEST_F(StatusOn, WhatADoorRefusedIsTold) {
     Words words{"status", "--domain", std::to_string(models.domain), "--seconds", "3"};
     words.insert(words.end(), more.begin(), more.end());
     std::string out, err;
-    EXPECT_EQ(run(folder, "nearmesh-subscriber", words, &out, &err), 0) << err;
+    // Exit code 1: nobody was heard in that time, as on a machine at work.
+    EXPECT_TRUE(await([&] { return run(folder, "nearmesh-subscriber", words, &out, &err) == 0; }))
+        << err;
     return out;
   };
   const auto refused = [&] {
     const json told = json::parse(status({"--json"}));
-    return told.at("publishers").at(0).at("door_refused").at("statistics").get<int>();
+    const json publishers = told.at("publishers");
+    return publishers.empty() ? -1 : publishers[0].at("door_refused").at("statistics").get<int>();
   };
   ASSERT_EQ(refused(), 0);
   {
@@ -196,7 +199,8 @@ TEST_F(StatusOn, WhatADoorRefusedIsTold) {
                 static_cast<ssize_t>(packet.size()));
     ::close(sender);
   }
-  EXPECT_EQ(refused(), 5);
+  int last = 0;
+  EXPECT_TRUE(await([&] { return (last = refused()) == 5; })) << last;
   EXPECT_NE(status({}).find("door refused 5 (statistics 5)"), std::string::npos) << status({});
   EXPECT_TRUE(publisher->says("door: refused 5 messages (statistics 5)")) << publisher->err();
   EXPECT_FALSE(publisher->is_over());
