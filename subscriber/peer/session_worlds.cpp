@@ -300,20 +300,28 @@ void Session::Impl::forget_tiles(const Body& body) {
   listed.clear();
 }
 
+/// Those first that were lost least often: what nobody answers would have all places, again and again.
 void Session::Impl::ask_for_bytes() {
   std::size_t open_count = 0;
-  for (auto& [content, wanted] : wanted_bytes) {
-    if (const auto open = outstanding.find(content); open != outstanding.end()) {
-      if (!is_lost(open->second)) {
-        ++open_count;
-        continue;
-      }
+  std::vector<std::pair<std::uint32_t, ContentHash>> due;  // and how often it was lost in a row
+  for (const auto& [content, wanted] : wanted_bytes) {
+    const auto open = outstanding.find(content);
+    if (open == outstanding.end()) {
+      due.emplace_back(0, content);
+    } else if (is_lost(open->second)) {
       count_lost(open->second);
+      due.emplace_back(open->second.lost_before + 1, content);
+    } else {
+      ++open_count;
     }
-    if (open_count >= kMostAsked) continue;
+  }
+  std::sort(due.begin(), due.end());
+  for (const auto& [lost, content] : due) {
+    if (open_count >= kMostAsked) return;
     const Publisher* publisher = publisher_of(content);
     if (publisher == nullptr) continue;
     // Of what another sent nobody knows whether it is true, and the next would be blamed for it.
+    WantedBytes& wanted = wanted_bytes.at(content);
     if (std::exchange(wanted.asked, publisher->hello.publisher) != publisher->hello.publisher)
       wanted.reader = ContentReader(content);
     send_request(*publisher, kNeededNow,
@@ -328,11 +336,12 @@ void Session::Impl::ask_for_bytes() {
 /// publisher taken for a liar.
 void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameReport& report) {
   const auto open = outstanding.find(message.content_hash);
-  if (open == outstanding.end() || !open->second.is_answered_by(message)) return;
-  open->second.heard_s = clock.seconds();
+  const bool is_open = open != outstanding.end() && open->second.is_answered_by(message);
+  if (is_open) open->second.heard_s = clock.seconds();
   const auto at = wanted_bytes.find(message.content_hash);
-  if (at == wanted_bytes.end()) {
-    if (message.last) outstanding.erase(open);
+  // What comes late, of a request that was made again since, is as good.
+  if (at == wanted_bytes.end() || at->second.asked != message.publisher) {
+    if (is_open && message.last) outstanding.erase(open);
     return;
   }
   const auto piece = unseal_batch(message.content_hash, message.bytes);
@@ -346,7 +355,7 @@ void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameRepo
       ++liar->second.lost_requests;
     return;
   }
-  if (message.last) outstanding.erase(open);
+  if (is_open && message.last) outstanding.erase(open);
   if (!bytes.value()) return;
   const WantedBytes wanted = std::move(at->second);
   wanted_bytes.erase(at);

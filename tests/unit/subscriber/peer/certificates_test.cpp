@@ -99,8 +99,9 @@ TEST(Certificates, AnotherPublisherIsToldAtOnce) {
 
 // Half-spaces are held, too, and a state that is not known costs a round trip.
 TEST(Certificates, AnotherPublisherIsToldAtOnceOfHalfSpacesAlone) {
+  Random random(5);
   int found = 0;
-  for (int step = 1; step < 40; ++step) {
+  for (int i = 0; i < 60; ++i) {
     Desk desk;
     desk.world.start_publisher();
     subscriber::Session session(desk.world.bus.make_peer(test::kPeer), test::quick_options());
@@ -110,8 +111,10 @@ TEST(Certificates, AnotherPublisherIsToldAtOnceOfHalfSpacesAlone) {
     ASSERT_TRUE(session.watch(test::kGround, one).is_ok());
     const BakedModel& ground = test::terrain().model;
     Motion motion;
-    motion.pose.translation_m = test::position_m(ground.header, ground.store, {77});
-    const double height_m = 0.25 * step;
+    motion.pose.rotation = test::random_rotation(random);
+    motion.pose.translation_m =
+        test::position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
+    const double height_m = random.between(35, 60);
     motion.pose.translation_m[2] += height_m;
     ASSERT_TRUE(desk.world.fly_frame(session, 0, {{one, motion}}));
     if (desk.asked_certificates() == 0 || session.stats().held_splits > 0) continue;
@@ -184,7 +187,7 @@ TEST(Certificates, RegionsAreAskedForOfTheContentThatThePublisherDoesNotChooseFo
     EXPECT_EQ(desk.world.fly(*session, make_flight(seed)), 40U);
   EXPECT_EQ(desk.wants_regions, 1U);
   EXPECT_GT(desk.asked_regions(), 0U);
-  EXPECT_GT(desk.asked_certificates(), 3U) << "of the two aircraft";
+  EXPECT_GT(desk.asked_certificates(), 1U) << "of the two aircraft";
 }
 
 TEST(Certificates, RegionsAreAskedForWhereNobodyServesBothModels) {

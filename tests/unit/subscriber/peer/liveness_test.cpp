@@ -162,14 +162,14 @@ TEST(Liveness, AnAuditIsAnsweredByWhoWasAskedAlone) {
 
 /// A publisher of a world on a bus, another of nothing of it, and a peer with a ball over it.
 struct Valley {
-  explicit Valley(double audit_s = 0) {
+  explicit Valley(double audit_s = 0, double request_timeout_s = 3600) {
     EXPECT_EQ(service.add_world("valley", terrain.folder).message(), "");
     EXPECT_TRUE(service.add_model("ball", ModelFile::open(file->path()).value()).is_ok());
     service.announce();
     EXPECT_TRUE(other.add_model("elsewhere", elsewhere().open()).is_ok());
     other.announce();
     session.emplace(bus.make_peer(kPeer),
-                    SessionOptions{.request_timeout_s = 3600, .audit_s = audit_s});
+                    SessionOptions{.request_timeout_s = request_timeout_s, .audit_s = audit_s});
     world = session->add_body({.name = "ground", .model = "valley"}).value();
     ball = session->add_body({.name = "ball", .model = "ball", .own = true}).value();
     EXPECT_TRUE(session->place_body(world, {}).is_ok());
@@ -235,6 +235,32 @@ TEST(Liveness, PiecesCountFromWhoWasAskedAlone) {
   EXPECT_EQ(fly(disturbed, true), rounds);
   EXPECT_EQ(disturbed.session->stats().requests, quiet.session->stats().requests);
   EXPECT_TRUE(disturbed.said.empty()) << disturbed.said.front();
+}
+
+// As many are asked for at a time as do not come: the others would never have their turn.
+TEST(Liveness, TilesThatDoNotComeLeaveRoomForTheOthers) {
+  constexpr std::size_t kMissing = 32;
+  Valley valley(0, 0.002);
+  std::set<ContentHash> tiles;
+  for (const auto& [content, bytes] : valley.terrain.pages.pages)
+    if (const auto page = decode_page(bytes); page.is_ok() && page.value().level == 0)
+      for (const WorldEntry& entry : page.value().entries) tiles.insert(entry.content);
+  ASSERT_GT(tiles.size(), kMissing);
+  const std::set<ContentHash> missing(tiles.begin(), std::next(tiles.begin(), kMissing));
+  valley.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& message) {
+    return !missing.contains(message.content_hash);
+  };
+  Motion fast = valley.near;
+  fast.linear_velocity_mps = {1e6, 1e6, 0};  // all tiles may be near
+  std::size_t here = 0;
+  for (int i = 0; i < 400 && here < tiles.size() - kMissing; ++i) {
+    const PairAnswer answer = std::move(valley.round(fast).answers.at(0));
+    here = 0;
+    if (answer.world)
+      for (const auto& tile : answer.world->tiles) here += tile.is_here ? 1 : 0;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_EQ(here, tiles.size() - kMissing);
 }
 
 // Tiles are given up after some seconds: who proves nothing would have got away with it each time.

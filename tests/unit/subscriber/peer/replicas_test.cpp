@@ -115,7 +115,7 @@ TEST(ReplicaSet, AHeaderOfATileThatCannotBeTakenIsComplainedOfOnce) {
   ReplicaSet replicas;
   std::vector<std::string> complaints;
   std::vector<std::uint8_t> world_bytes = encode_world({});
-  world_bytes.pop_back();
+  world_bytes[4] ^= 1;  // of another version
   std::vector<std::vector<std::uint8_t>> all{world_bytes};
   for (std::uint8_t i = 0; i < 250; ++i)
     for (std::uint8_t j = 0; j < 2; ++j) all.push_back({i, j, 3});
