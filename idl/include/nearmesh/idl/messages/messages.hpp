@@ -104,7 +104,7 @@ struct SplitBatchMessage {
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
   /// Refused, because the publisher does not know the state that the peer says of this content: say what is held, too.
   bool wants_held = false;
-  /// Refused, because the publisher does not choose for these bodies: ask for regions.
+  /// Refused, because the publisher does not choose for bodies of this content (none: of the whole request): ask for regions.
   bool wants_regions = false;
   bool is_piece =
       false;  ///< the bytes are no batch, but a piece of those that the content is the digest of (core/world/content_bytes.hpp)
@@ -526,13 +526,12 @@ struct Probe : Echo {};
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
                                                 const RegionSubscription& request,
                                                 const std::string& why);
-/// The same where the peer is to ask otherwise: to say what it holds of a content whose state is unknown (or none), or to ask
-/// for regions.
+/// The same where the peer is to ask otherwise about one content of the request (none: about all): for regions, or else to say what it
+/// holds of it.
 [[nodiscard]] SplitBatchMessage redirection_message(SessionId publisher,
                                                     const RegionSubscription& request,
                                                     const std::string& why,
-                                                    const ContentHash& unknown_state,
-                                                    bool wants_regions);
+                                                    const ContentHash& content, bool wants_regions);
 
 /// Whether a message may go out, or be believed as far as its own fields tell. Errors: kUnsupported for another wire version, kInvalidArgument
 /// naming the field, what was expected and what was found. Cost: linear in the message.
