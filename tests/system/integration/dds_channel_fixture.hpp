@@ -39,11 +39,11 @@ using PublisherChannel = publisher::DdsChannel;
 using PeerChannel = subscriber::DdsChannel;
 using Inbox = subscriber::Channel::Inbox;
 
-constexpr double kDeadline_s = 20;
+constexpr double kDeadline_s = 60;  ///< for anything that ought to happen soon
 /// Of every participant here: beyond what a loaded machine stalls, since whoever stalls is lost. Less where a loss is
 /// waited for.
-inline double lease_s = 10;
-constexpr double kShortLease_s = 3;
+inline double lease_s = 20;
+constexpr double kShortLease_s = 6;
 constexpr std::size_t kHeaderBytes = 300'000;
 inline std::vector<std::uint8_t> header_bytes() {
   std::vector<std::uint8_t> bytes(kHeaderBytes);
