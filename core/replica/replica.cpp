@@ -11,6 +11,8 @@
 namespace nearmesh {
 namespace {
 
+constexpr std::size_t kMaxAuditors = 8;  ///< whose proofs may come at once
+
 /// The largest known nodes that are split and meet no part of `keep`; disjoint.
 std::vector<NodeSpan> nodes_outside(const SplitStore& store, std::span<const RegionPart> keep) {
   std::vector<NodeSpan> stack, outside;
@@ -58,7 +60,7 @@ Replica::Taken Replica::take(std::span<const std::uint8_t> bytes, std::uint64_t 
   }
   taken.liar = sender;
   if (is_audit_piece(unsealed.value())) {
-    audit(unsealed.value(), taken);
+    audit(unsealed.value(), sender, taken);
     taken.times.load_s = watch.seconds();
   } else {
     const Result<SplitBatch> batch = decode_batch(header(), unsealed.value());
@@ -101,9 +103,12 @@ Teller Replica::teller_of(std::uint64_t sender) {
   return kManyTellers;
 }
 
-void Replica::audit(std::span<const std::uint8_t> piece, Taken& taken) {
-  Result<std::optional<AuditedBlock>> whole = audit_.take(piece);
+/// Pieces make a whole with those of the same sender alone: else whoever writes one between two would make a liar of who proves.
+void Replica::audit(std::span<const std::uint8_t> piece, std::uint64_t sender, Taken& taken) {
+  if (audits_.size() == kMaxAuditors && !audits_.contains(sender)) audits_.erase(audits_.begin());
+  Result<std::optional<AuditedBlock>> whole = audits_[sender].take(piece);
   if (whole.is_ok() && !whole.value()) return;
+  audits_.erase(sender);
   taken.status = whole.status();
   if (!whole.is_ok()) return;
   const AuditedBlock& block = *whole.value();

@@ -4,6 +4,7 @@
 // batches, gives what a query walks. A peer's session and the proof of its recording live by this one class.
 
 #include <cstdint>
+#include <map>
 #include <set>
 #include <span>
 #include <vector>
@@ -77,15 +78,15 @@ class Replica {
  private:
   [[nodiscard]] Status refine(const SplitBatch& batch, Teller teller, Times& times);
   [[nodiscard]] Teller teller_of(std::uint64_t sender);
-  void audit(std::span<const std::uint8_t> piece, Taken& taken);
+  void audit(std::span<const std::uint8_t> piece, std::uint64_t sender, Taken& taken);
   void forget_all();
 
   RefinedMesh refined_;
   AbTree tree_;  // refers to the mesh, which stays in its place when a Replica moves
   std::set<std::uint64_t> distrusted_;
-  std::vector<std::uint64_t> tellers_;  // by number
-  bool has_no_spare_teller_ = false;    // since something was given up last
-  AuditReader audit_;
+  std::vector<std::uint64_t> tellers_;           // by number
+  bool has_no_spare_teller_ = false;             // since something was given up last
+  std::map<std::uint64_t, AuditReader> audits_;  // by sender
   std::uint32_t taken_batches_ = 0;
   std::uint32_t give_ups_ = 0;
   bool has_kept_ = false;

@@ -426,6 +426,41 @@ TEST_F(ReplicaAudit, RefusesAProofThatIsNotOfTheContent) {
   }
 }
 
+// Whoever hears of an audit may write pieces of its own between those of the proof.
+TEST_F(ReplicaAudit, PiecesOfOthersAreNoneOfTheProof) {
+  ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
+  const auto whole = file_.prove(model_.header.roots.front().node).value();
+  ASSERT_EQ(whole.size(), 1U);
+  // A byte, then two words: where the piece begins, and how much there is.
+  constexpr std::size_t kHead = 9, kPieces = 3;
+  const std::size_t size = whole[0].size() - kHead;
+  std::vector<std::vector<std::uint8_t>> pieces;
+  for (std::size_t i = 0; i < kPieces; ++i) {
+    const std::size_t from = i * size / kPieces, to = (i + 1) * size / kPieces;
+    std::vector<std::uint8_t>& piece =
+        pieces.emplace_back(whole[0].begin(), whole[0].begin() + kHead);
+    for (std::size_t k = 0; k < 4; ++k) piece[1 + k] = static_cast<std::uint8_t>(from >> 8 * k);
+    piece.insert(piece.end(), whole[0].begin() + static_cast<std::ptrdiff_t>(kHead + from),
+                 whole[0].begin() + static_cast<std::ptrdiff_t>(kHead + to));
+  }
+  Replica::Taken taken;
+  for (auto& piece : pieces) {
+    auto other = piece;
+    other.back() ^= 1;
+    seal_batch(file_.content_hash(), piece);
+    seal_batch(file_.content_hash(), other);
+    taken = replica_.take(piece, kHonest);
+    ASSERT_TRUE(taken.status.is_ok()) << taken.status.message();
+    if (!taken.audited) EXPECT_TRUE(replica_.take(other, kLiar).status.is_ok());
+  }
+  EXPECT_TRUE(taken.audited);
+  EXPECT_FALSE(replica_.distrusts(kHonest));
+  // Of more senders than are told apart those that are left out begin anew.
+  for (std::uint64_t sender = 100; sender < 200; ++sender)
+    EXPECT_TRUE(replica_.take(pieces.front(), sender).status.is_ok());
+  EXPECT_TRUE(audit(model_.store.split_of(model_.header.roots.front().node), kHonest).audited);
+}
+
 TEST_F(ReplicaAudit, APieceThatIsMissingMakesTheWholeCountForNothing) {
   ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
   auto pieces = file_.prove(model_.header.roots.front().node).value();
