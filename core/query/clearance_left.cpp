@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
@@ -29,8 +30,6 @@ double distance(const std::array<double, kCount>& p, const std::array<double, kC
   for (std::size_t k = 0; k < kCount; ++k) square += (p[k] - q[k]) * (p[k] - q[k]);
   return std::sqrt(square) * kRoundUp;
 }
-
-double turn_of(const MovedBody& body) { return distance(body.then.rotation, body.now.rotation); }
 
 }  // namespace
 
@@ -52,15 +51,15 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
     shift_a[k] = a.now.translation_m[k] - a.then.translation_m[k];
     shift_b[k] = b.now.translation_m[k] - b.then.translation_m[k];
   }
-  double moved_m = distance(shift_a, shift_b), turned = 0, error_m = 0, speed_mps = 0, gone_m = 0,
-         reach_m = 0;
+  const double shift_m = distance(shift_a, shift_b);
+  const double turn_a = distance(a.then.rotation, a.now.rotation),
+               turn_b = distance(b.then.rotation, b.now.rotation);
+  double moved_m = shift_m, error_m = 0, speed_mps = 0, gone_m = 0, reach_m = 0;
   bool has_moved = false;
-  for (const MovedBody* body : {&a, &b}) {
+  for (const auto& [body, turn] : {std::pair(&a, turn_a), std::pair(&b, turn_b)}) {
     const double way_m = distance(body->then.translation_m, body->now.translation_m);
-    const double turn = turn_of(*body);
     has_moved |= way_m > 0 || turn > 0;
     moved_m += turn * body->reach.reach_m;
-    turned += turn;
     reach_m += body->reach.reach_m;
     error_m += 2 * (body->reach.error_m + 0x1p-48 * way_m + cells_m);
     speed_mps += body->reach.speed_mps;
@@ -76,16 +75,16 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
   if (has_moved) {
     const double apart_m = distance(a.now.translation_m, b.now.translation_m);
     left.error_m = error_m * kRoundUp;
-    const double shift_m = distance(shift_a, shift_b);
-    left.boxes_moved_m =
-        (moved_m + 3 * turned * (reach_m + apart_m) + error_m + 0x1p-16 * (reach_m + apart_m)) *
-        kRoundUp;
+    left.boxes_moved_m = (moved_m + 3 * (turn_a + turn_b) * (reach_m + apart_m) + error_m +
+                          0x1p-16 * (reach_m + apart_m)) *
+                         kRoundUp;
     const bool is_a_larger = is_first_larger(a.reach.reach_m, b.reach.reach_m);
-    const MovedBody &larger = is_a_larger ? a : b, &smaller = is_a_larger ? b : a;
-    left.moved_by_larger_m =
-        (shift_m + 3 * turn_of(larger) * (reach_m + apart_m) +
-         3 * turn_of(smaller) * smaller.reach.reach_m + error_m + 0x1p-20 * (reach_m + apart_m)) *
-        kRoundUp;
+    const double larger_turn = is_a_larger ? turn_a : turn_b,
+                 smaller_turn = is_a_larger ? turn_b : turn_a;
+    left.moved_by_larger_m = (shift_m + 3 * larger_turn * (reach_m + apart_m) +
+                              3 * smaller_turn * std::min(a.reach.reach_m, b.reach.reach_m) +
+                              error_m + 0x1p-20 * (reach_m + apart_m)) *
+                             kRoundUp;
   }
   left.clearance_m = guard.keep(left.clearance_m);
   left.safe_s = guard.keep(left.safe_s);
