@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <sstream>
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -233,8 +234,10 @@ class DiscoveryListener : public FindingListener {
 
   void participant_found(const FoundParticipant& found) override {
     const std::string name = shown_participant(found.name);
+    has_found_others_ = true;
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
+  [[nodiscard]] bool has_found_others() const { return has_found_others_; }
   void writer_found(const FoundEndpoint& found) override {
     if (on_writer_) tell(on_writer_, found);
     if (!found.is_new) return;
@@ -306,6 +309,7 @@ class DiscoveryListener : public FindingListener {
   const std::string prefix_;
   const TopicNames names_;
   const Tell on_writer_, on_reader_;
+  std::atomic<bool> has_found_others_ = false;
   std::mutex mutex_;
   std::set<std::string> said_;
 };
@@ -411,6 +415,8 @@ Bus::~Bus() {
   for (const std::string& type : types_) participant_->unregister_type(type);
   if (is_own_) fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
 }
+
+bool Bus::has_found_others() const { return !is_own_ || discovery_->has_found_others(); }
 
 /// Another session on the host's participant may have done so.
 void Bus::add_routes() {

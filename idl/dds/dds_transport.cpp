@@ -2,10 +2,10 @@
 #include "dds_transport.hpp"
 
 #include <arpa/inet.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <charconv>
+#include <cstring>
 #include <memory>
 
 #include "interfaces.hpp"
@@ -16,6 +16,7 @@ namespace {
 
 using rtps::IPLocator;
 using rtps::Locator_t;
+using rtps::octet;
 using rtps::SharedMemTransportDescriptor;
 using rtps::TCPv4TransportDescriptor;
 using rtps::UDPv4TransportDescriptor;
@@ -120,13 +121,13 @@ Status set_tcp(const TransportOptions& options, const std::string& interface,
   if (options.listen_port != 0) tcp->add_listener_port(options.listen_port);
   if (!interface.empty()) tcp->interfaceWhiteList.push_back(interface);
   qos.transport().user_transports.push_back(tcp);
-  for (const std::string& peer : options.initial_peers) {
-    Result<Locator_t> parsed = parse_locator(peer, kDefaultTcpPort, "initial peer");
-    NEARMESH_RETURN_IF_ERROR(parsed);
+  const Result<std::vector<sockaddr_in>> peers = tcp_peers(options);
+  NEARMESH_RETURN_IF_ERROR(peers);
+  for (const sockaddr_in& peer : peers.value()) {
     Locator_t locator;
     locator.kind = LOCATOR_KIND_TCPv4;
-    IPLocator::setIPv4(locator, IPLocator::toIPv4string(parsed.value()));
-    IPLocator::setPhysicalPort(locator, static_cast<std::uint16_t>(parsed.value().port));
+    IPLocator::setIPv4(locator, reinterpret_cast<const octet*>(&peer.sin_addr));
+    IPLocator::setPhysicalPort(locator, ntohs(peer.sin_port));
     qos.wire_protocol().builtin.initialPeersList.push_back(locator);
   }
   return Status::ok();
@@ -146,6 +147,19 @@ Status set_discovery_server(const TransportOptions& options, fdds::DomainPartici
 }
 
 }  // namespace
+
+Result<std::vector<sockaddr_in>> tcp_peers(const TransportOptions& options) {
+  std::vector<sockaddr_in> peers;
+  for (const std::string& peer : options.initial_peers) {
+    const Result<Locator_t> parsed = parse_locator(peer, kDefaultTcpPort, "initial peer");
+    NEARMESH_RETURN_IF_ERROR(parsed);
+    sockaddr_in& place = peers.emplace_back();
+    place.sin_family = AF_INET;
+    place.sin_port = htons(static_cast<std::uint16_t>(parsed.value().port));
+    std::memcpy(&place.sin_addr, IPLocator::getIPv4(parsed.value()), sizeof place.sin_addr);
+  }
+  return peers;
+}
 
 Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
   // Not the built-in ones: shared memory leaves files in /dev/shm when a process is killed, fails between users,

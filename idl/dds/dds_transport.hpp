@@ -2,7 +2,10 @@
 #pragma once
 // Turns TransportOptions into what Fast DDS wants to know of transports and discovery.
 
+#include <netinet/in.h>
+
 #include <string>
+#include <vector>
 
 #include "fastdds_api.hpp"
 #include "nearmesh/core/base/status.hpp"
@@ -20,6 +23,9 @@ inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 10240;
 [[nodiscard]] inline std::uint32_t datagram_bytes(const TransportOptions& options) {
   return options.security.empty() ? kMaxDatagramBytes : kMaxSecuredDatagramBytes;
 }
+
+/// The initial peers of transport tcp. Errors: kInvalidArgument naming the one that is no address.
+[[nodiscard]] Result<std::vector<sockaddr_in>> tcp_peers(const TransportOptions& options);
 
 /// Sets transports, initial peers, discovery, lease and life signs.
 /// Errors: kInvalidArgument naming the option and what was expected.

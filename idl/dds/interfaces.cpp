@@ -4,8 +4,9 @@
 #include <arpa/inet.h>
 #include <ifaddrs.h>
 #include <net/if.h>
-#include <netinet/in.h>
 
+#include <cstdio>
+#include <fstream>
 #include <memory>
 
 namespace nearmesh::wire {
@@ -25,6 +26,18 @@ std::vector<Interface> ipv4_interfaces() {
                      is(IFF_MULTICAST)});
   }
   return found;
+}
+
+bool is_connected_to(const sockaddr_in& place) {
+  constexpr unsigned kEstablished = 1;
+  std::ifstream connections("/proc/self/net/tcp");
+  for (std::string line; std::getline(connections, line);) {
+    unsigned address = 0, port = 0, state = 0;
+    if (std::sscanf(line.c_str(), "%*u: %*x:%*x %x:%x %x", &address, &port, &state) == 3 &&
+        address == place.sin_addr.s_addr && port == ntohs(place.sin_port) && state == kEstablished)
+      return true;
+  }
+  return false;
 }
 
 }  // namespace nearmesh::wire

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The network interfaces of this machine, as they are now.
+// The network interfaces and connections of this machine, as they are now.
+
+#include <netinet/in.h>
 
 #include <string>
 #include <vector>
@@ -16,5 +18,8 @@ struct Interface {
 };
 /// In the kernel's order; empty where it does not tell.
 [[nodiscard]] std::vector<Interface> ipv4_interfaces();
+
+/// Whether any process here has a TCP connection to this place; false where the kernel does not tell.
+[[nodiscard]] bool is_connected_to(const sockaddr_in& place);
 
 }  // namespace nearmesh::wire

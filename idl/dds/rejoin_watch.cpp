@@ -8,6 +8,7 @@
 #include <new>
 
 #include "core/base/float_guard.hpp"
+#include "dds_transport.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -50,8 +51,24 @@ const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
   return nullptr;
 }
 
+bool DeafWatch::is_due(bool alone, double now_s) {
+  if (!alone) {
+    since_s_.reset();
+    return false;
+  }
+  if (!since_s_) since_s_ = now_s;
+  if (now_s - *since_s_ < wait_s_) return false;
+  since_s_.reset();
+  wait_s_ = std::min(2 * wait_s_, kLongest_s);
+  return true;
+}
+
 RejoinWatch::RejoinWatch(Mailbox& mailbox, const TransportOptions& options)
     : mailbox_(mailbox), options_(options), network_(options.interface) {
+  // A peer that is no address is refused where the participant is made.
+  if (options.transport == Transport::kTcp)
+    if (Result<std::vector<sockaddr_in>> peers = tcp_peers(options); peers.is_ok())
+      tcp_peers_ = std::move(peers).value();
   network_.joined(ipv4_interfaces());
   thread_ = std::thread([this, lease_s = options.lease_s] { watch(lease_s); });
 }
@@ -78,7 +95,7 @@ void RejoinWatch::watch(double lease_s) {
     was_stopped = was_stopped || now - last > 0.75 * lease_s;
     last = now;
     try {
-      if (!look(was_stopped, now >= again_s)) continue;
+      if (!look(was_stopped, now >= again_s, now)) continue;
     } catch (const std::bad_alloc&) {
       mailbox_.complain_of_memory();
       continue;  // each cause is still there
@@ -90,14 +107,25 @@ void RejoinWatch::watch(double lease_s) {
   }
 }
 
-bool RejoinWatch::look(bool was_stopped, bool is_to_try_again) {
+const std::string* RejoinWatch::deaf_peer(double now_s) {
+  const bool alone = is_alone_;
+  const auto taken = alone ? std::find_if(tcp_peers_.begin(), tcp_peers_.end(), is_connected_to)
+                           : tcp_peers_.end();
+  if (!deaf_.is_due(taken != tcp_peers_.end(), now_s)) return nullptr;
+  return &options_.initial_peers[static_cast<std::size_t>(taken - tcp_peers_.begin())];
+}
+
+bool RejoinWatch::look(bool was_stopped, bool is_to_try_again, double now_s) {
   const std::vector<Interface> interfaces = ipv4_interfaces();
   const Interface* news = network_.news(interfaces);
-  if (!was_stopped && news == nullptr && !is_to_try_again) return false;
+  const std::string* deaf = deaf_peer(now_s);
+  if (!was_stopped && news == nullptr && deaf == nullptr && !is_to_try_again) return false;
   if (was_stopped)
     mailbox_.complain("this process stood still for longer than others wait: joining again");
   else if (news != nullptr)
     mailbox_.complain(news->name + " has the address " + news->address + " now: joining again");
+  else if (deaf != nullptr)
+    mailbox_.complain(*deaf + " took the connection, and nobody answers through it: joining again");
   network_.joined(interfaces);
   return true;
 }

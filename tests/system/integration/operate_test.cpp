@@ -11,6 +11,7 @@
 #include <concepts>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
 
 #include "idl/dds/dds_support.hpp"
 #include "idl/messages/process_name.hpp"
@@ -856,6 +857,92 @@ TEST_F(Operate, EveryTransportFliesOnOneMachine) {
     publisher->signal(SIGTERM);
     EXPECT_EQ(publisher->wait(), 0) << publisher->err();
   }
+}
+
+/// Listens for a publisher at `port`. The first who connects is taken and never answered, as by a connection of Fast DDS 2.9 that
+/// is deaf; who comes later is joined with the publisher.
+class DeafAtFirst {
+ public:
+  explicit DeafAtFirst(std::uint16_t publisher_port) : publisher_port_(publisher_port) {
+    listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in place = at(0);
+    EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&place), sizeof place), 0);
+    EXPECT_EQ(::listen(listener_, 8), 0);
+    socklen_t size = sizeof place;
+    ::getsockname(listener_, reinterpret_cast<sockaddr*>(&place), &size);
+    port_ = ntohs(place.sin_port);
+    acceptor_ = std::thread([this] { accept(); });
+  }
+  ~DeafAtFirst() {
+    ::shutdown(listener_, SHUT_RDWR);
+    acceptor_.join();
+    for (const int socket : sockets_) ::shutdown(socket, SHUT_RDWR);
+    for (std::thread& carrier : carriers_) carrier.join();
+    for (const int socket : sockets_) ::close(socket);
+    ::close(listener_);
+  }
+  DeafAtFirst(const DeafAtFirst&) = delete;
+  DeafAtFirst& operator=(const DeafAtFirst&) = delete;
+  [[nodiscard]] std::string port() const { return std::to_string(port_); }
+
+ private:
+  static sockaddr_in at(std::uint16_t port) {
+    sockaddr_in place{};
+    place.sin_family = AF_INET;
+    place.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    place.sin_port = htons(port);
+    return place;
+  }
+  void accept() {
+    for (bool first = true;; first = false) {
+      const int client = ::accept(listener_, nullptr, nullptr);
+      if (client < 0) return;
+      sockets_.push_back(client);
+      if (first) continue;
+      const int publisher = sockets_.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
+      sockaddr_in place = at(publisher_port_);
+      EXPECT_EQ(::connect(publisher, reinterpret_cast<sockaddr*>(&place), sizeof place), 0);
+      carriers_.emplace_back([=] { carry(client, publisher); });
+      carriers_.emplace_back([=] { carry(publisher, client); });
+    }
+  }
+  static void carry(int from, int to) {
+    std::vector<char> bytes(1 << 16);
+    bool can_send = true;
+    for (ssize_t n; can_send && (n = ::read(from, bytes.data(), bytes.size())) > 0;)
+      for (ssize_t sent = 0; can_send && sent < n;) {
+        const ssize_t now =
+            ::send(to, bytes.data() + sent, static_cast<std::size_t>(n - sent), MSG_NOSIGNAL);
+        can_send = now > 0;
+        sent += now;
+      }
+    ::shutdown(to, SHUT_RDWR);
+  }
+
+  const std::uint16_t publisher_port_;
+  std::uint16_t port_ = 0;
+  int listener_ = -1;
+  std::vector<int> sockets_;           ///< of the acceptor, until that has ended
+  std::vector<std::thread> carriers_;  ///< likewise
+  std::thread acceptor_;
+};
+
+TEST_F(Operate, APeerWhoseConnectionIsDeafMakesAnother) {
+  write_scene(5);
+  const std::string port = free_port();
+  const std::vector<std::string> tcp{"--transport", "tcp", "--interface", "127.0.0.1"};
+  std::vector<std::string> words = with({terrain(), aircraft()}, tcp);
+  words.insert(words.end(), {"--listen-port", port});
+  const auto publisher = serve(words);
+  const DeafAtFirst way(static_cast<std::uint16_t>(std::stoi(port)));
+  words = with({"run", folder.file("flight.yaml")}, tcp);
+  words.insert(words.end(), {"--peer", "127.0.0.1:" + way.port()});
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", words, nullptr, &err), 0) << err;
+  EXPECT_NE(err.find("127.0.0.1:" + way.port() +
+                     " took the connection, and nobody answers through it: joining again"),
+            std::string::npos)
+      << err;
 }
 
 // --- systemd

@@ -29,6 +29,30 @@ TEST(RejoinWatch, SaysItOnceMoreWhereJoiningAnewFailed) {
   EXPECT_FALSE(watch.take_due());
 }
 
+TEST(DeafWatch, IsDueOnceAfterEachWaitThatGrows) {
+  wire::DeafWatch watch;
+  EXPECT_FALSE(watch.is_due(true, 100));
+  EXPECT_FALSE(watch.is_due(true, 105.9));
+  EXPECT_TRUE(watch.is_due(true, 106));
+  EXPECT_FALSE(watch.is_due(true, 106.1));  // the next wait begins
+  EXPECT_FALSE(watch.is_due(true, 118));
+  EXPECT_TRUE(watch.is_due(true, 118.1));
+  for (double now_s = 200, waited = 0; now_s < 1000 && waited < 3; now_s += 0.5)
+    if (watch.is_due(true, now_s)) ++waited;
+  EXPECT_FALSE(watch.is_due(true, 1000));
+  EXPECT_FALSE(watch.is_due(true, 1059));
+  EXPECT_TRUE(watch.is_due(true, 1060));
+}
+
+TEST(DeafWatch, BeginsAnewWhereSomebodyWasFoundMeanwhile) {
+  wire::DeafWatch watch;
+  EXPECT_FALSE(watch.is_due(true, 0));
+  EXPECT_FALSE(watch.is_due(false, 5));
+  EXPECT_FALSE(watch.is_due(true, 6));
+  EXPECT_FALSE(watch.is_due(true, 11.9));
+  EXPECT_TRUE(watch.is_due(true, 12));
+}
+
 const Interface kLoopback{"lo", "127.0.0.1", true, true, true, false};
 const Interface kWlan{"wlan0", "10.0.0.5", true, true, false, true};
 const Interface kBridge{"docker0", "172.17.0.1", true, true, false, true};
