@@ -27,9 +27,38 @@ BoxCode held_box(const SplitStore& held, NodeSpan node, const BoxCode& proved) {
   return encloses ? proved : code;
 }
 
+/// As it is held, without boxes.
+SplitRecord held_record(const SplitStore& held, VertexId split) {
+  SplitRecord record{.node = held.node_of(split), .split = split};
+  for (std::size_t k = 0; k < 3; ++k)
+    record.offset[k] = held.position(split)[static_cast<int>(k)] -
+                       held.position(record.node.first)[static_cast<int>(k)];
+  return record;
+}
+
+/// The split of the smallest held node around `inner`, where that cuts it in two.
+VertexId cut(const SplitStore& held, NodeSpan inner) {
+  const auto& roots = held.roots();
+  const auto root = std::find_if(roots.begin(), roots.end(), [&](const BaseRoot& one) {
+    return one.node.begin() <= inner.begin() && inner.end() <= one.node.end();
+  });
+  if (root == roots.end()) return {};
+  for (NodeSpan node = root->node; node != inner;) {
+    const VertexId split = node.size < 2 ? VertexId{} : held.split_of(node);
+    if (!split.is_valid()) break;
+    if (inner.begin() < split.value && split.value < inner.end()) return split;
+    node = inner.begin() < split.value ? node.left_of(split) : node.right_of(split);
+  }
+  return {};
+}
+
 }  // namespace
 
-std::optional<Difference> difference(const SplitStore& held, const SplitBatch& block) {
+std::optional<Difference> difference(const SplitStore& held, NodeSpan root,
+                                     const SplitBatch& block) {
+  if (const VertexId split = cut(held, root); split.is_valid())
+    return Difference{split, hash_of(held_record(held, split), held.faces(split).span()),
+                      std::nullopt};
   for (const SplitRecord& proved : block.splits) {
     if (proved.node.size > held.vertex_count() || !proved.right().contains(proved.split) ||
         proved.split.value >= held.vertex_count())
@@ -38,13 +67,10 @@ std::optional<Difference> difference(const SplitStore& held, const SplitBatch& b
     VertexId split = held.is_node(proved.node) ? held.split_of(proved.node) : VertexId{};
     if (!split.is_valid() && held.is_known(proved.split)) split = proved.split;
     if (!split.is_valid()) continue;
-    SplitRecord told{.node = held.is_root(split) ? NodeSpan{} : held.node_of(split),
-                     .split = split};
+    SplitRecord told{.node = {}, .split = split};
     std::vector<SplitFace> faces;
-    if (told.node.size != 0) {
-      for (std::size_t k = 0; k < 3; ++k)
-        told.offset[k] = held.position(split)[static_cast<int>(k)] -
-                         held.position(told.node.first)[static_cast<int>(k)];
+    if (!held.is_root(split)) {
+      told = held_record(held, split);
       const SplitFaces own = held.faces(split);
       faces.assign(own.begin(), own.end());
       told.left_box = held_box(held, told.left(), proved.left_box);

@@ -120,14 +120,16 @@ void Replica::audit(std::span<const std::uint8_t> piece, std::uint64_t sender, T
     taken.status = {StatusCode::kCorrupt, name + proved.status().message()};
     return;
   }
-  taken.audited = true;
-  const std::optional<Difference> found = difference(store(), proved.value());
+  for (const SplitRecord& record : proved.value().splits) taken.audited.push_back(record.node);
+  const std::optional<Difference> found = difference(store(), block.root, proved.value());
   if (!found) return;
   const Teller teller = refined_.teller_of(found->split);
   taken.liar = teller < tellers_.size() ? tellers_[teller] : 0;
-  taken.status = {StatusCode::kCorrupt, name + "split " + std::to_string(found->split.value) +
-                                            " was told with hash " + to_hex(found->told) +
-                                            ", the content has " + to_hex(found->proved)};
+  taken.status = {StatusCode::kCorrupt,
+                  name + "split " + std::to_string(found->split.value) + " was told with hash " +
+                      to_hex(found->told) + ", " +
+                      (found->proved ? "the content has " + to_hex(*found->proved)
+                                     : "which cuts that node of the content")};
 }
 
 // More than give_up() takes: half-spaces of nodes that are not split, and splits that wait for their parents and would come in with

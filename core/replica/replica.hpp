@@ -36,8 +36,8 @@ class Replica {
     bool contradicts = false;
     std::uint64_t liar = 0;
     bool rests_on_kept = false;  ///< take_kept() brought some of what is here, or this batch
-    bool audited =
-        false;  ///< an audit ended with this: what is here of a block was held against the block
+    /// An audit ended with this: what is here of a block was held against the block, which has these nodes. Else empty.
+    std::vector<NodeSpan> audited;
   };
   /// Takes in a batch under its seal. The result depends on the set of batches, not on their order; repeats are harmless.
   /// Errors: those of decode_sealed, with nothing changed; kCorrupt where a record contradicts the model or what came before.

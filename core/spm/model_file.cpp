@@ -73,6 +73,7 @@ struct ModelFile::Impl {
   [[nodiscard]] Status check_blocks() const;
   [[nodiscard]] Status read_face_table(std::vector<std::uint32_t>& table) const;
   [[nodiscard]] Result<const DirectoryEntry*> entry_of(NodeSpan node) const;
+  [[nodiscard]] const DirectoryEntry* entry_at(std::size_t level, NodeSpan node) const;
   Status load(const DirectoryEntry& entry);
 };
 
@@ -304,16 +305,24 @@ const MeshOrigin& ModelFile::origin() const { return impl_->origin; }
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
 const SplitStore& ModelFile::store() const { return *impl_->store; }
 
+/// The block of this level around a node; nullptr: there is none.
+const DirectoryEntry* ModelFile::Impl::entry_at(std::size_t level, NodeSpan node) const {
+  const auto entries = levels[level];
+  const auto at =
+      std::upper_bound(entries.begin(), entries.end(), node.begin(),
+                       [](std::uint32_t v, const DirectoryEntry& e) { return v < e.first; });
+  if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size) return nullptr;
+  return &*(at - 1);
+}
+
 Result<const DirectoryEntry*> ModelFile::Impl::entry_of(NodeSpan node) const {
   const auto level = static_cast<std::size_t>(block_level(node.size));
   if (level >= levels.size()) return corrupt("no block holds a node of that size");
-  const auto entries = levels[level];
-  auto at = std::upper_bound(entries.begin(), entries.end(), node.begin(),
-                             [](std::uint32_t v, const DirectoryEntry& e) { return v < e.first; });
-  if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size)
+  const DirectoryEntry* entry = entry_at(level, node);
+  if (entry == nullptr)
     return corrupt("no block holds node [" + std::to_string(node.begin()) + ", " +
                    std::to_string(node.end()) + ")");
-  return &*(at - 1);
+  return entry;
 }
 
 Result<std::vector<std::vector<std::uint8_t>>> ModelFile::prove(NodeSpan node) {
@@ -324,12 +333,18 @@ Result<std::vector<std::vector<std::uint8_t>>> ModelFile::prove(NodeSpan node) {
     leaves.push_back(impl.preamble.face_table_digest);
     impl.tree = grow_tree(std::move(leaves));
   }
-  const Result<const DirectoryEntry*> entry = impl.entry_of(node);
-  NEARMESH_RETURN_IF_ERROR(entry);
-  AuditedBlock block{{{entry.value()->first}, entry.value()->size}, {}, {}};
-  NEARMESH_RETURN_IF_ERROR(impl.read_block(*entry.value(), block.bytes));
+  // A node of the content is in a block of its level. What is none may reach across all of those: the next larger block shows it.
+  const DirectoryEntry* entry = nullptr;
+  for (auto level = static_cast<std::size_t>(block_level(node.size));
+       entry == nullptr && level < impl.levels.size(); ++level)
+    entry = impl.entry_at(level, node);
+  if (entry == nullptr)
+    return Status{StatusCode::kInvalidArgument,
+                  to_string(node) + " is within no part of the model"};
+  AuditedBlock block{{{entry->first}, entry->size}, {}, {}};
+  NEARMESH_RETURN_IF_ERROR(impl.read_block(*entry, block.bytes));
   block.bytes.resize(block.bytes.size() - kSealBytes);
-  block.path = path_of(impl.tree, static_cast<std::size_t>(entry.value() - impl.directory.data()));
+  block.path = path_of(impl.tree, static_cast<std::size_t>(entry - impl.directory.data()));
   return audit_pieces(block);
 }
 

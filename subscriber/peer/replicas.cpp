@@ -269,7 +269,9 @@ bool ReplicaSet::apply_one(FrameReport& report) {
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
-    model.audit.is_proved |= taken.audited && batch.publisher == model.audit.publisher;
+    model.audit.is_proved |= batch.publisher == model.audit.publisher &&
+                             std::find(taken.audited.begin(), taken.audited.end(),
+                                       model.audit.node) != taken.audited.end();
     if (!taken.status.is_ok())
       complain(model, taken.contradicts ? taken.liar : batch.publisher, taken, report.complaints);
     if (taken.contradicts) model.forget_cache();

@@ -74,6 +74,7 @@ struct PeerModel {
   struct Audit {
     std::uint32_t request = 0;  // 0: none is open
     wire::SessionId publisher = 0;
+    NodeSpan node;  // that it is about: another block proves nothing of it
     double sent_s = 0, due_s = 0;
     bool is_answered = false, is_proved = false;
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked

@@ -25,10 +25,10 @@ void Session::Impl::audit(PeerModel& model) {
   const auto roots = static_cast<std::uint32_t>(mesh.store().roots().size());
   const VertexId split = mesh.active_at(audits.below(mesh.split_count() + roots));
   if (mesh.store().is_root(split)) return;  // the next update draws again
-  send_request(
-      *publisher, kHorizon,
-      {.content_hash = model.content_hash,
-       .region = {.attach = {mesh.store().node_of(split)}, .region = {}, .max_splits = 0}});
+  model.audit.node = mesh.store().node_of(split);
+  send_request(*publisher, kHorizon,
+               {.content_hash = model.content_hash,
+                .region = {.attach = {model.audit.node}, .region = {}, .max_splits = 0}});
   model.audit.request = last_request;
   model.audit.publisher = publisher->hello.publisher;
   model.audit.sent_s = clock.seconds();

@@ -2,6 +2,7 @@
 #include "core/replica/replica.hpp"
 
 #include "brute_force.hpp"
+#include "core/spm/blocks.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh {
@@ -279,10 +280,11 @@ TEST(Replica, RefusesAnExactFaceOutsideTheBoxOfItsSlot) {
 
 constexpr std::uint64_t kLiar = 7, kHonest = 8;
 
-/// A model, its file, and batches of it in one of which a face of a split with `turned_` is turned round.
+/// A model whose largest root has several blocks, its file, and batches of it in one of which a face of a split with `turned_` is
+/// turned round.
 class ReplicaAudit : public testing::Test {
  protected:
-  BakedModel model_ = test::bake_named("terrain");
+  BakedModel model_ = test::bake_mesh(test::make_mesh("terrain"), 4);
   std::unique_ptr<test::TempFile> saved_ = test::write_model(model_);
   ModelFile file_ = std::move(ModelFile::open(saved_->path())).value();
   Replica replica_{file_.header()};
@@ -308,13 +310,22 @@ class ReplicaAudit : public testing::Test {
     return all;
   }
   Replica::Taken audit(VertexId split, std::uint64_t sender, std::size_t spoiled = 0) {
+    return audit(model_.store.node_of(split), sender, spoiled);
+  }
+  Replica::Taken audit(NodeSpan node, std::uint64_t sender = kHonest, std::size_t spoiled = 0) {
     Replica::Taken last;
-    for (auto& piece : file_.prove(model_.store.node_of(split)).value()) {
+    for (auto& piece : file_.prove(node).value()) {
       if (spoiled > 0) piece[std::min(spoiled, piece.size() - 1)] ^= 1;
       seal_batch(file_.content_hash(), piece);
       last = replica_.take(piece, sender);
     }
     return last;
+  }
+  [[nodiscard]] NodeSpan largest_root() const {
+    const auto& roots = model_.header.roots;
+    return std::max_element(roots.begin(), roots.end(),
+                            [](const auto& x, const auto& y) { return x.node.size < y.node.size; })
+        ->node;
   }
   void expect_forgotten(const Replica::Taken& taken, std::uint64_t liar) {
     EXPECT_TRUE(taken.contradicts);
@@ -335,7 +346,7 @@ TEST_F(ReplicaAudit, OfTheTruthChangesNothing) {
   for (const VertexId u : test::all_splits(model_.store)) {
     const Replica::Taken taken = audit(u, kHonest);
     ASSERT_TRUE(taken.status.is_ok()) << taken.status.message();
-    EXPECT_TRUE(taken.audited);
+    EXPECT_EQ(std::count(taken.audited.begin(), taken.audited.end(), model_.store.node_of(u)), 1);
   }
   EXPECT_EQ(replica_.mesh().state_hash(), before);
 }
@@ -412,6 +423,42 @@ TEST_F(ReplicaAudit, OfWhomNothingIsProvedNothingIsLeft) {
   EXPECT_EQ(replica_.mesh().state_hash(), alone.mesh().state_hash());
 }
 
+// Then the content has no block for what was drawn. The one around it shows that.
+TEST_F(ReplicaAudit, OfANodeThatTheContentDoesNotHaveShowsTheLie) {
+  const NodeSpan root = largest_root();
+  std::size_t lies = 0;
+  for (std::uint32_t at = root.begin() + 2; at < root.end(); at += 7) {
+    SCOPED_TRACE(at);
+    const VertexId split{at};
+    if (split == model_.store.split_of(root)) continue;
+    const NodeSpan left = root.left_of(split);
+    const SplitBatch lie{
+        .splits = {{.node = root, .split = split}, {.node = left, .split = {left.begin() + 1}}}};
+    replica_ = Replica(file_.header());
+    if (!replica_.take(lie, kLiar).status.is_ok()) continue;  // a lie without care
+    ASSERT_EQ(replica_.mesh().split_count(), 2U);
+    expect_forgotten(audit(left), kLiar);
+    EXPECT_FALSE(replica_.distrusts(kHonest));
+    ++lies;
+  }
+  EXPECT_GT(lies, 20U);
+}
+
+TEST_F(ReplicaAudit, ASplitThatCutsABlockIsALie) {
+  const NodeSpan root = largest_root();
+  const std::vector<NodeSpan> blocks = block_roots(model_.store);
+  const auto block = std::find_if(blocks.begin(), blocks.end(), [&](const NodeSpan& one) {
+    return one.size > 8 && one.begin() > root.begin() && one.end() < root.end();
+  });
+  ASSERT_NE(block, blocks.end());
+  const SplitBatch lie{.splits = {{.node = root, .split = {block->begin() + 1}}}};
+  ASSERT_TRUE(replica_.take(lie, kLiar).status.is_ok());
+  const Replica::Taken taken = audit(*block);
+  EXPECT_NE(taken.status.message().find(", which cuts that node of the content"), std::string::npos)
+      << taken.status.message();
+  expect_forgotten(taken, kLiar);
+}
+
 TEST_F(ReplicaAudit, RefusesAProofThatIsNotOfTheContent) {
   ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
   const VertexId split = test::all_splits(model_.store).front();
@@ -451,14 +498,17 @@ TEST_F(ReplicaAudit, PiecesOfOthersAreNoneOfTheProof) {
     seal_batch(file_.content_hash(), other);
     taken = replica_.take(piece, kHonest);
     ASSERT_TRUE(taken.status.is_ok()) << taken.status.message();
-    if (!taken.audited) EXPECT_TRUE(replica_.take(other, kLiar).status.is_ok());
+    if (taken.audited.empty()) {
+      EXPECT_TRUE(replica_.take(other, kLiar).status.is_ok());
+    }
   }
-  EXPECT_TRUE(taken.audited);
+  EXPECT_FALSE(taken.audited.empty());
   EXPECT_FALSE(replica_.distrusts(kHonest));
   // Of more senders than are told apart those that are left out begin anew.
   for (std::uint64_t sender = 100; sender < 200; ++sender)
     EXPECT_TRUE(replica_.take(pieces.front(), sender).status.is_ok());
-  EXPECT_TRUE(audit(model_.store.split_of(model_.header.roots.front().node), kHonest).audited);
+  EXPECT_FALSE(
+      audit(model_.store.split_of(model_.header.roots.front().node), kHonest).audited.empty());
 }
 
 TEST_F(ReplicaAudit, APieceThatIsMissingMakesTheWholeCountForNothing) {
@@ -468,7 +518,7 @@ TEST_F(ReplicaAudit, APieceThatIsMissingMakesTheWholeCountForNothing) {
     seal_batch(file_.content_hash(), pieces[i]);
     const Replica::Taken taken = replica_.take(pieces[i], kHonest);
     EXPECT_TRUE(taken.status.is_ok());
-    EXPECT_FALSE(taken.audited);
+    EXPECT_TRUE(taken.audited.empty());
   }
 }
 

@@ -41,7 +41,7 @@ class Audit : public testing::Test {
  protected:
   World world;
 
-  enum class Proves { kTruth, kNothing };
+  enum class Proves { kTruth, kNothing, kAnotherBlock };
   void start_liar(wire::SessionId id, double share, Proves proves, std::uint64_t seed = 1) {
     world.start_publisher(id);
     stores_.push_back(std::make_unique<SplitStore>(turned(terrain().model, share, seed)));
@@ -51,7 +51,9 @@ class Audit : public testing::Test {
         [&store = *stores_.back(), &file = *files_.back(), proves,
          content = files_.back()->content_hash()](
             const RegionRequest& request) -> Result<publisher::Service::Parts> {
-          auto batches = request.is_audit() ? file.prove(request.attach.front())
+          const NodeSpan asked = proves == Proves::kAnotherBlock ? file.header().roots.front().node
+                                                                 : request.attach.front();
+          auto batches = request.is_audit() ? file.prove(asked)
                                             : answer_request(file.header(), store, request,
                                                              [](NodeSpan) { return Status::ok(); });
           if (request.is_audit() && proves == Proves::kNothing) batches.value().clear();
@@ -144,6 +146,16 @@ TEST_F(Audit, WhoProvesNothingIsNotAskedAgain) {
                                   " does not prove what it sent, 3 audits in a row"));
   world.start_publisher();
   EXPECT_EQ(world.fly(*session, make_flight(2)), 40U);
+}
+
+// It proves the block of the first split, of which it told the truth, whatever it is asked about.
+TEST_F(Audit, AnotherBlockProvesNothingOfWhatWasAsked) {
+  start_liar(kLiar, 0.01, Proves::kAnotherBlock);
+  const auto session = world.make_peer(options(1));
+  frames_until(*session, "does not prove what it sent, 3 audits in a row", 400);
+  EXPECT_TRUE(world.has_complaint("model terrain: publisher " + to_hex(kLiar) +
+                                  " does not prove what it sent, 3 audits in a row"));
+  EXPECT_FALSE(world.has_complaint("contradicts"));
 }
 
 // Else the next session would begin with what the liar told.

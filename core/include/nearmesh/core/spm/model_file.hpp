@@ -69,8 +69,10 @@ class ModelFile {
   /// Errors: kCorrupt naming the block, also where it holds no such node or the file has changed; kIo. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
   /// The block that holds the split of `node`, as it is stored, with what shows that it is of this content: what answers an
-  /// audit, in pieces, without seals. Cost: the block; the first time a digest for each seven blocks.
-  /// Errors: those of require(); kUnsupported where it is larger than an audit may be.
+  /// audit, in pieces, without seals. Of a span that is no node the smallest block around it, which shows that: one of its splits
+  /// cuts the span in two. Cost: the block; the first time a digest for each seven blocks.
+  /// Errors: kInvalidArgument where the span is within none of the model's roots; kCorrupt where the file has changed; kIo;
+  /// kUnsupported where the block is larger than an audit may be.
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> prove(NodeSpan node);
   /// Decodes everything. Errors: those of require(). Cost: O(model), some 6 M splits/s.
   [[nodiscard]] Status require_all();
