@@ -28,6 +28,8 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
 
 constexpr const char* kRecording = "Recording (.db3, the first of its files, or .mcap)";
 constexpr const char* kRos2Group = "ROS 2 (docs/ros2.md)";
+/// What CLI11 gives for a flag that came without a value.
+constexpr const char* kNoNumber = "true";
 
 void add_ros2_options(CLI::App& command, Ros2Showing& options, const char* frame_help) {
   command
@@ -63,10 +65,18 @@ void add_run_command(CLI::App& app, Action& chosen) {
   const auto wait_s = std::make_shared<std::string>();
   CLI::Option* waits =
       command
-          ->add_flag("--wait-recorder{0}", *wait_s,
+          ->add_flag("--wait-recorder", *wait_s,
                      "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
                      "came by then. Ctrl-C ends")
-          ->check(CLI::NonNegativeNumber);
+          ->option_text("[=SECONDS]")
+          ->check(CLI::Validator(
+              [](const std::string& text) {
+                double seconds = 0;
+                const bool is_right = text == kNoNumber ||
+                                      (CLI::detail::lexical_cast(text, seconds) && !(seconds < 0));
+                return is_right ? std::string() : "expected seconds, at least 0, found " + text;
+              },
+              "NONNEGATIVE"));
   add_ros2_options(*command, options->ros2,
                    "The frame that all poses are in, those shown and those taken");
   command
@@ -86,7 +96,8 @@ void add_run_command(CLI::App& app, Action& chosen) {
                       "nearmesh-subscriber run scene.yaml --wait-recorder=30 --interface eth0"});
   command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
-    if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
+    if (waits->count() > 0)
+      options->wait_recorder_s = *wait_s == kNoNumber ? 0 : std::stod(*wait_s);
     chosen = [options] { return run(*options); };
   });
 }
