@@ -4,6 +4,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
+#include <utility>
 
 #include "idl/dds/dds_support.hpp"
 #include "idl/messages/process_name.hpp"
@@ -862,90 +864,59 @@ TEST_F(Operate, EveryTransportFliesOnOneMachine) {
       {"--transport", "tcp", "--peer", "127.0.0.1:" + port, "--interface", "127.0.0.1"});
 }
 
-/// Listens for a publisher at `port`. The first who connects is taken and never answered, as by a connection of Fast DDS 2.9 that
-/// is deaf; who comes later is joined with the publisher.
-class DeafAtFirst {
+/// As by a connection of Fast DDS 2.9 that is deaf: who connects is taken and never answered.
+class Deaf {
  public:
-  explicit DeafAtFirst(std::uint16_t publisher_port) : publisher_port_(publisher_port) {
-    listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in place = at(0);
+  Deaf() {
+    listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const int yes = 1;
+    ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    sockaddr_in place{};
+    place.sin_family = AF_INET;
+    place.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&place), sizeof place), 0);
     EXPECT_EQ(::listen(listener_, 8), 0);
     socklen_t size = sizeof place;
     ::getsockname(listener_, reinterpret_cast<sockaddr*>(&place), &size);
     port_ = ntohs(place.sin_port);
-    acceptor_ = std::thread([this] { accept(); });
   }
-  ~DeafAtFirst() {
-    ::shutdown(listener_, SHUT_RDWR);
-    acceptor_.join();
-    for (const int socket : sockets_) ::shutdown(socket, SHUT_RDWR);
-    for (std::thread& carrier : carriers_) carrier.join();
-    for (const int socket : sockets_) ::close(socket);
-    ::close(listener_);
+  ~Deaf() {
+    for (const int socket : {listener_, taken_})
+      if (socket >= 0) ::close(socket);
   }
-  DeafAtFirst(const DeafAtFirst&) = delete;
-  DeafAtFirst& operator=(const DeafAtFirst&) = delete;
+  Deaf(const Deaf&) = delete;
+  Deaf& operator=(const Deaf&) = delete;
   [[nodiscard]] std::string port() const { return std::to_string(port_); }
+  /// Waits for one, and leaves the port to others. Its connection stays.
+  [[nodiscard]] bool take_one() {
+    pollfd ready{.fd = listener_, .events = POLLIN, .revents = 0};
+    if (::poll(&ready, 1, static_cast<int>(1000 * test::kDeadline_s)) != 1) return false;
+    taken_ = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    ::close(std::exchange(listener_, -1));
+    return taken_ >= 0;
+  }
 
  private:
-  static sockaddr_in at(std::uint16_t port) {
-    sockaddr_in place{};
-    place.sin_family = AF_INET;
-    place.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    place.sin_port = htons(port);
-    return place;
-  }
-  void accept() {
-    for (bool first = true;; first = false) {
-      const int client = ::accept(listener_, nullptr, nullptr);
-      if (client < 0) return;
-      sockets_.push_back(client);
-      if (first) continue;
-      const int publisher = sockets_.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
-      sockaddr_in place = at(publisher_port_);
-      EXPECT_EQ(::connect(publisher, reinterpret_cast<sockaddr*>(&place), sizeof place), 0);
-      carriers_.emplace_back([=] { carry(client, publisher); });
-      carriers_.emplace_back([=] { carry(publisher, client); });
-    }
-  }
-  static void carry(int from, int to) {
-    std::vector<char> bytes(1 << 16);
-    bool can_send = true;
-    for (ssize_t n; can_send && (n = ::read(from, bytes.data(), bytes.size())) > 0;)
-      for (ssize_t sent = 0; can_send && sent < n;) {
-        const ssize_t now =
-            ::send(to, bytes.data() + sent, static_cast<std::size_t>(n - sent), MSG_NOSIGNAL);
-        can_send = now > 0;
-        sent += now;
-      }
-    ::shutdown(to, SHUT_RDWR);
-  }
-
-  const std::uint16_t publisher_port_;
   std::uint16_t port_ = 0;
-  int listener_ = -1;
-  std::vector<int> sockets_;           ///< of the acceptor, until that has ended
-  std::vector<std::thread> carriers_;  ///< likewise
-  std::thread acceptor_;
+  int listener_ = -1, taken_ = -1;
 };
 
 TEST_F(Operate, APeerWhoseConnectionIsDeafMakesAnother) {
   write_scene(5);
-  const std::string port = free_port();
+  Deaf deaf;
   const std::vector<std::string> tcp{"--transport", "tcp", "--interface", "127.0.0.1"};
-  std::vector<std::string> words = with({terrain(), aircraft()}, tcp);
-  words.insert(words.end(), {"--listen-port", port});
+  std::vector<std::string> words = with({"run", folder.file("flight.yaml")}, tcp);
+  words.insert(words.end(), {"--peer", "127.0.0.1:" + deaf.port()});
+  Process peer(folder, "nearmesh-subscriber", words);
+  ASSERT_TRUE(deaf.take_one()) << peer.err();
+  words = with({terrain(), aircraft()}, tcp);
+  words.insert(words.end(), {"--listen-port", deaf.port()});
   const auto publisher = serve(words);
-  const DeafAtFirst way(static_cast<std::uint16_t>(std::stoi(port)));
-  words = with({"run", folder.file("flight.yaml")}, tcp);
-  words.insert(words.end(), {"--peer", "127.0.0.1:" + way.port()});
-  std::string err;
-  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", words, nullptr, &err), 0) << err;
-  EXPECT_NE(err.find("127.0.0.1:" + way.port() +
-                     " took the connection, and nobody answers through it: joining again"),
+  EXPECT_EQ(peer.wait(), 0) << peer.err();
+  EXPECT_NE(peer.err().find("127.0.0.1:" + deaf.port() +
+                            " took the connection, and nobody answers through it: joining again"),
             std::string::npos)
-      << err;
+      << peer.err();
 }
 
 // --- systemd
