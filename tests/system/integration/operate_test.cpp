@@ -463,7 +463,8 @@ TEST_F(Operate, StatusTellsOfPosesThatAreOldOrGone) {
     return status_tells(
         [&] {
           looked = json::object();
-          for (const json& peer : json::parse(told).at("peers"))
+          const json status = json::parse(told);
+          for (const json& peer : status.at("peers"))
             if (peer.at("name") == "looker") looked = peer;
           return looked.value(count, 0) == 1;
         },

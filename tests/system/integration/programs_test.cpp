@@ -249,7 +249,8 @@ TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
   ASSERT_TRUE(test::run_until(folder, "nearmesh-subscriber",
                               on_bus({"status", "--json", "--seconds", "1.5"}), told,
                               [&] {
-                                for (const json& one : json::parse(told).at("publishers"))
+                                const json status = json::parse(told);
+                                for (const json& one : status.at("publishers"))
                                   if (one.value("process_id", 0) == publisher->id())
                                     return one.at("batches") > 0;
                                 return false;
@@ -779,7 +780,8 @@ TEST_F(RecordedFlights, WhatWasFreeByPromisesIsProvedFromTheRecording) {
   std::string out, err;
   ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", session, "--json"}, &out, &err), 0)
       << err;
-  for (const json& topic : json::parse(out).at("topics"))
+  const json info = json::parse(out);
+  for (const json& topic : info.at("topics"))
     if (const std::string name = topic.at("name");
         name.ends_with("near_poses") || name.ends_with("body_promises")) {
       EXPECT_GT(topic.at("samples"), 0U) << topic;
