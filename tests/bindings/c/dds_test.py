@@ -9,7 +9,7 @@ import time
 
 import ffi
 
-DOMAIN, PREFIX, DEADLINE_S = 141, b"nearmesh_c_%d" % os.getpid(), 40
+DOMAIN, PREFIX, DEADLINE_S = 141, b"nearmesh_c_%d" % os.getpid(), 100
 
 
 def main():

@@ -76,7 +76,7 @@ def test_the_peer_example_flies(ball):
     publisher = subprocess.Popen([program, "serve", ball.path, *bus])
     try:
         run = subprocess.run([sys.executable, EXAMPLES / "peer.py", "ball", "94", "127.0.0.1"],
-                             capture_output=True, text=True, timeout=100)
+                             capture_output=True, text=True, timeout=500)
         assert run.returncode == 0, run.stderr
         assert run.stdout.count("certified") == 4 and "CONTACT" in run.stdout
     finally:

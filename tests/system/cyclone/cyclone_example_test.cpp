@@ -69,8 +69,18 @@ TEST_F(CycloneExample, MovesABodyAndAnswersAboutItAsThePeerDoes) {
         ": ground drone free, ", ": ground drone contact, ", " s: 0.000 0.000 165.000 m\n",
         " m apart at least: agrees\n"})
     ASSERT_TRUE(prints(cyclone, text)) << text << " in " << cyclone.out() << peer.err();
+  constexpr std::size_t kEnough = 20;
+  ASSERT_TRUE(test::poll(
+      [&] {
+        std::size_t agree = 0;
+        for (const std::string& line : test::lines_of(cyclone.out()))
+          agree += line.ends_with(": agrees") ? 1 : 0;
+        return agree > kEnough;
+      },
+      test::kDeadline_s, 0.1))
+      << cyclone.out() << peer.err();
   const Counts counts = counts_of(cyclone);
-  EXPECT_GT(counts.certified, 20U);
+  EXPECT_GT(counts.certified, kEnough);
   EXPECT_EQ(counts.agreeing, counts.certified) << cyclone.out();
   // The ground is in place: of it there is the report's word alone.
   EXPECT_GT(counts.heard, 20U);

@@ -140,7 +140,7 @@ TEST_F(FlightGearFlight, OfFlightGearItself) {
         return contact != std::string::npos &&
                out.find("nearmesh: free", contact) != std::string::npos;
       },
-      60))
+      test::kDeadline_s))
       << bridge->out();
   end_flight();
   EXPECT_EQ(bridge->out().find(" 0 pushed out"), std::string::npos) << bridge->out();

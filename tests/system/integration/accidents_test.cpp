@@ -20,7 +20,7 @@ class Accidents : public ::testing::Test {
   Outcome suffer(const std::string& lack, const std::string& program) const {
     const std::string out = accident_folder.file("out"), err = accident_folder.file("err");
     const std::string domain = std::to_string(180 + ::getpid() % 20);
-    const std::string script = lack + "; exec timeout -s INT -k 5 20 " NEARMESH_BIN_DIR "/" +
+    const std::string script = lack + "; exec timeout -s INT -k 5 100 " NEARMESH_BIN_DIR "/" +
                                program + " --domain " + domain + " --prefix accident-" +
                                std::to_string(::getpid()) + " >" + out + " 2>" + err;
     accident_folder.write("script", script);

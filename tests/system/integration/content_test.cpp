@@ -55,7 +55,7 @@ class Contents : public ::testing::Test {
     EXPECT_EQ(process.wait(), 0) << process.err();
   }
   /// An aircraft over ground, whose line in the scene may have more in it.
-  void write_scene(int frames, const std::string& more) const {
+  void write_scene(int frames, const std::string& more, double start_timeout_s = 90) const {
     std::string err;
     ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
                         {folder.path(), "--size", "40", "--frames", std::to_string(frames),
@@ -69,15 +69,18 @@ class Contents : public ::testing::Test {
                      "}\n  - {name: one, model: aircraft}\n"
                      "moves:\n  - {body: one, trajectory: flight1.csv}\n"
                      "pairs: [[ground, one]]\nframe_rate_hz: 50\nbudget_ms: 5\n"
-                     "start_timeout_s: 5\n");
+                     "start_timeout_s: " +
+                     std::to_string(start_timeout_s) + "\n");
   }
-  [[nodiscard]] json status() const {
-    std::string out, err;
-    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
-                        with({"status", "--json", "--seconds", "1.5"}), &out, &err),
-              0)
-        << err;
-    return json::parse(out);
+  /// Asks status until it tells of so many errors.
+  [[nodiscard]] bool status_has_errors(std::size_t count, json& errors) const {
+    std::string out;
+    return test::run_until(folder, "nearmesh-subscriber",
+                           with({"status", "--json", "--seconds", "1.5"}), out, [&] {
+                             const json told = json::parse(out);
+                             errors = told.at("errors");
+                             return errors.size() == count && !told.at("publishers").empty();
+                           });
   }
   /// Whether the contradicting answers among these lines are none.
   [[nodiscard]] std::string checked(const std::vector<std::string>& lines,
@@ -117,11 +120,10 @@ TEST_F(Contents, StayAreReplacedAndComeBackByActsAlone) {
     EXPECT_TRUE(first->says("serves other content, " + content_b)) << first->err();
     EXPECT_TRUE(rival->says("serves other content, " + content_a)) << rival->err();
     EXPECT_TRUE(flies_on(50));
-    const json seen = status();
-    ASSERT_EQ(seen.at("errors").size(), 1U) << seen.dump(1);
+    json errors;
+    ASSERT_TRUE(status_has_errors(1, errors)) << errors;
     for (const std::string& content : {content_a, content_b})
-      EXPECT_NE(seen["errors"][0].get<std::string>().find(content), std::string::npos)
-          << seen.dump(1);
+      EXPECT_NE(errors[0].get<std::string>().find(content), std::string::npos) << errors;
     EXPECT_EQ(peer.err().find("starting again"), std::string::npos) << peer.err();
     end(*rival);
   }
@@ -132,7 +134,8 @@ TEST_F(Contents, StayAreReplacedAndComeBackByActsAlone) {
     EXPECT_TRUE(first->says("replaces content " + content_a + ", which is served here"))
         << first->err();
     EXPECT_TRUE(flies_on(50));
-    EXPECT_TRUE(status().at("errors").empty());
+    json errors;
+    EXPECT_TRUE(status_has_errors(0, errors)) << errors;
     end(*second);
   }
   // Its end: back to what is left.
@@ -157,18 +160,22 @@ TEST_F(Contents, StayAreReplacedAndComeBackByActsAlone) {
 }
 
 TEST_F(Contents, PinnedOnesAreTheOnlyOnesTaken) {
-  write_scene(10, ", content: " + content_b);
   const auto first = serve({terrain("a"), test::model_file("aircraft", 600)});
   std::string err;
-  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}),
-                      nullptr, &err),
-            1);
   const std::string refusal =
       "serves content " + content_a + " under this name; content " + content_b + " is pinned";
+  // Until it has found the publisher it says that there is none: on a busy machine it is given more time.
+  for (int seconds = 4; seconds <= 64 && err.find(refusal) == std::string::npos; seconds *= 2) {
+    write_scene(10, ", content: " + content_b, seconds);
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}),
+                        nullptr, &err),
+              1);
+  }
   EXPECT_NE(err.find("no certified answer within"), std::string::npos) << err;
   EXPECT_NE(err.find("body ground: publisher"), std::string::npos) << err;
   EXPECT_NE(err.find(refusal), std::string::npos) << err;
   const auto second = serve({terrain("b")});
+  write_scene(10, ", content: " + content_b);
   EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
                       with({"run", folder.file("flight.yaml"), "--answers",
                             folder.file("answers.jsonl")}),

@@ -18,6 +18,7 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/base/digest.hpp"
@@ -39,7 +40,7 @@ using PublisherChannel = publisher::DdsChannel;
 using PeerChannel = subscriber::DdsChannel;
 using Inbox = subscriber::Channel::Inbox;
 
-constexpr double kDeadline_s = 60;  ///< for anything that ought to happen soon
+constexpr double kDeadline_s = 100;  ///< for anything that ought to happen soon
 /// Of every participant here: beyond what a loaded machine stalls, since whoever stalls is lost. Less where a loss is
 /// waited for.
 inline double lease_s = 20;
@@ -171,10 +172,21 @@ inline void serve(PublisherChannel& channel, const std::function<bool()>& stop) 
   }
 }
 
+/// Of who joins in this scope.
+class Lease {
+ public:
+  explicit Lease(double seconds) : before_s_(std::exchange(lease_s, seconds)) {}
+  ~Lease() { lease_s = before_s_; }
+  Lease(const Lease&) = delete;
+  Lease& operator=(const Lease&) = delete;
+
+ private:
+  const double before_s_;
+};
+
 /// Tests in which somebody is lost.
 class DdsLease : public testing::Test {
- protected:
-  DdsLease() { lease_s = kShortLease_s; }
+  const Lease lease_{kShortLease_s};
 };
 
 /// This program again, as publisher or peer.

@@ -21,7 +21,7 @@ extern "C" __attribute__((visibility("default"))) int host_library_certifies(
   if (!session.watch(left, right).is_ok()) return 0;
   Motion beside;
   beside.pose.translation_m = {1.98, 0.1, 0.05};
-  const auto ready = subscriber::wait_ready(session, left, 10, {{left, {}}, {right, beside}});
+  const auto ready = subscriber::wait_ready(session, left, 60, {{left, {}}, {right, beside}});
   return ready.is_ok() && ready.value().readiness.stage == subscriber::ReadyStage::kCertified;
 }
 

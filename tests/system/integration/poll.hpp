@@ -8,15 +8,17 @@
 
 namespace nearmesh::test {
 
-/// Looks every `period_s` until `done` holds; false when the time is over.
+/// Looks every `period_s` until `done` holds; false when the time is over. Looks once more then: this program may have been held up since
+/// it looked last.
 inline bool poll(const std::function<bool()>& done, double seconds, double period_s) {
   using Seconds = std::chrono::duration<double>;
   const auto end = std::chrono::steady_clock::now() + Seconds(seconds);
-  while (!done()) {
-    if (std::chrono::steady_clock::now() > end) return false;
+  for (;;) {
+    const bool is_last = std::chrono::steady_clock::now() > end;
+    if (done()) return true;
+    if (is_last) return false;
     std::this_thread::sleep_for(Seconds(period_s));
   }
-  return true;
 }
 
 }  // namespace nearmesh::test

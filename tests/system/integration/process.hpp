@@ -27,7 +27,10 @@
 
 namespace nearmesh::test {
 
-constexpr double kDeadline_s = 40;  ///< for anything that ought to happen soon
+/// For anything that ought to happen soon: a machine may be held up for many seconds.
+constexpr double kDeadline_s = 100;
+/// For the end of a program that is told to end, which is promised within two seconds, on such a machine.
+constexpr double kEnd_s = 20;
 
 inline void pause(double seconds) {
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
@@ -86,6 +89,17 @@ class Process {
 
   [[nodiscard]] pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
+  /// Waits until it has a handler for a signal: before, that would end it without a word.
+  bool catches(int number) {
+    return await([&] {
+             const std::string status = read_text("/proc/" + std::to_string(pid_) + "/status");
+             const std::size_t at = status.find("SigCgt:");
+             return is_over() ||
+                    (at != std::string::npos &&
+                     (std::stoull(status.substr(at + 7), nullptr, 16) >> (number - 1) & 1));
+           }) &&
+           !is_over();
+  }
   [[nodiscard]] bool is_over() {
     if (exit_code_ != kRunning) return true;
     int status = 0;
@@ -122,6 +136,13 @@ inline int run(const Folder& folder, const std::string& program,
   if (err != nullptr) *err = process.err();
   return code;
 }
+/// The same, again until it ends with 0 and `holds` of what it printed. Of a program that listens for a time that is short and fixed, in
+/// which a busy machine may say nothing. False when the time is over.
+inline bool run_until(const Folder& folder, const std::string& program,
+                      const std::vector<std::string>& arguments, std::string& out,
+                      const std::function<bool()>& holds) {
+  return await([&] { return run(folder, program, arguments, &out) == 0 && holds(); });
+}
 
 /// Path of a small model, made by nearmesh-model when a newer program asks for the first time; tests share it.
 inline std::string model_file(const std::string& kind, int size) {
@@ -148,6 +169,26 @@ inline std::string model_file(const std::string& kind, int size) {
   }
   ::close(lock);
   return model.string();
+}
+
+/// Waits until a file of answers, which grows, has so many from that line on of which `is_wanted` holds.
+inline bool answers_come(const std::string& answers, std::size_t from_line, std::size_t count,
+                         const std::function<bool(const std::string& line)>& is_wanted) {
+  std::ifstream in;
+  std::size_t line_number = 0, found = 0;
+  std::string line, part;
+  return poll(
+      [&] {
+        if (!in.is_open()) in.open(answers);
+        for (in.clear(); std::getline(in, part);) {
+          line += part;
+          if (in.eof()) break;  // it is half of one
+          if (line_number++ >= from_line) found += is_wanted(line) ? 1 : 0;
+          line.clear();
+        }
+        return found >= count;
+      },
+      kDeadline_s, 0.05);
 }
 
 struct CheckedAnswers {

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <thread>
 
+#include "core/base/stopwatch.hpp"
 #include "process.hpp"
 
 namespace nearmesh {
@@ -59,14 +60,15 @@ class Programs : public ::testing::Test {
   /// Two peers fly "first" and "second" to their ends, recorded.
   void fly_recorded(const std::string& session);
 
-  // Writes flight1.csv and flight2.csv.
-  void write_flights(int frames) const {
+  // Writes flight1.csv and flight2.csv: so many frames there, and as many back, and so on.
+  void write_flights(int frames, int rounds = 1) const {
     std::string err;
-    ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
-                        {folder.path(), "--size", std::to_string(kTerrainCells), "--frames",
-                         std::to_string(frames), "--rate", "50"},
-                        nullptr, &err),
-              0)
+    ASSERT_EQ(
+        test::run(folder, "nearmesh-demo-flights",
+                  {folder.path(), "--size", std::to_string(kTerrainCells), "--frames",
+                   std::to_string(frames), "--rate", "50", "--rounds", std::to_string(rounds)},
+                  nullptr, &err),
+        0)
         << err;
   }
   // A scene with the ground and two aircraft, of which this peer moves some.
@@ -96,20 +98,37 @@ class Programs : public ::testing::Test {
     return answers;
   }
   static bool is_certified(const json& answer) {
-    return answer.at("status") == "free" || answer.at("status") == "contact";
+    const std::string status = answer.value("status", "");
+    return status == "free" || status == "contact";
   }
+  /// Waits for so many answers of a scene that flies, from a line of its file on, of which `is_wanted` holds.
+  bool answers_come(const std::string& scene, std::size_t from_line, std::size_t count,
+                    bool (*is_wanted)(const json&) = is_certified) const {
+    return test::answers_come(
+        folder.file(scene + ".jsonl"), from_line, count,
+        [&](const std::string& line) { return is_wanted(json::parse(line)); });
+  }
+  /// Waits until a recording that goes on has so many contact reports.
+  bool is_recorded(const std::string& session, std::uint64_t reports) const {
+    std::string out;
+    return test::run_until(folder, "nearmesh-subscriber", {"info", session, "--json"}, out, [&] {
+      return json::parse(out).at("reports").at("contact").get<std::uint64_t>() >= reports;
+    });
+  }
+  /// Frames of a flight that outlasts what is awaited in it: 160 s.
+  static constexpr int kLong = 8000;
 };
 
 const std::string kAllPairs = "[[ground, one], [ground, two], [one, two]]";
 
 TEST_F(Programs, OnePeerFliesAndEveryAnswerIsRight) {
-  write_flights(40);
+  write_flights(100);
   write_scene("both", {"one", "two"}, kAllPairs);
   const auto publisher = serve();
   const auto peer = fly("both");
   ASSERT_EQ(peer->wait(), 0) << peer->err();
   const Checked checked = check("both");
-  EXPECT_EQ(checked.answers, 120U);
+  EXPECT_EQ(checked.answers, 300U);
   EXPECT_EQ(checked.wrong, 0U);
   EXPECT_GT(checked.certified, 60U);
   const auto answers = answers_of("both");
@@ -121,7 +140,7 @@ TEST_F(Programs, OnePeerFliesAndEveryAnswerIsRight) {
 }
 
 TEST_F(Programs, TwoPeersHearOfEachOther) {
-  write_flights(40);
+  write_flights(100);
   write_scene("first", {"one"}, "[[ground, one], [one, two]]");
   write_scene("second", {"two"}, "[[ground, two], [one, two]]");
   const auto publisher = serve();
@@ -130,7 +149,7 @@ TEST_F(Programs, TwoPeersHearOfEachOther) {
   ASSERT_EQ(second->wait(), 0) << second->err();
   for (const char* scene : {"first", "second"}) {
     const Checked checked = check(scene);
-    EXPECT_EQ(checked.answers, 80U);
+    EXPECT_EQ(checked.answers, 200U);
     EXPECT_EQ(checked.wrong, 0U);
     EXPECT_GT(checked.certified, 40U);
   }
@@ -190,14 +209,18 @@ TEST_F(Programs, AWorldIsServedTileByTile) {
 
 TEST_F(Programs, LateJoinerIsAnsweredToo) {
   write_flights(200);
+  const std::string short_flight = test::read_text(folder.file("flight2.csv"));
+  write_flights(kLong);  // the first one is there until the late one has ended
+  folder.write("flight2.csv", short_flight);
   write_scene("first", {"one"}, "[[ground, one]]");
   write_scene("late", {"two"}, "[[ground, two], [one, two]]");
   const auto publisher = serve();
   const auto first = fly("first");
-  ASSERT_TRUE(first->says("frame 50 of 200")) << first->err();
+  ASSERT_TRUE(answers_come("first", 0, 50)) << first->err();
   const auto late = fly("late");
-  ASSERT_EQ(first->wait(), 0) << first->err();
   ASSERT_EQ(late->wait(), 0) << late->err();
+  first->signal(SIGINT);
+  ASSERT_EQ(first->wait(), 0) << first->err();
   for (const char* scene : {"first", "late"}) {
     const Checked checked = check(scene);
     EXPECT_EQ(checked.wrong, 0U);
@@ -212,39 +235,44 @@ TEST_F(Programs, LateJoinerIsAnsweredToo) {
 }
 
 TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
-  write_flights(400);  // 8 s: a publisher that was killed is missed after 3
-  write_scene("both", {"one", "two"}, kAllPairs);
+  // Over the same ground again and again, which is forgotten each time.
+  write_flights(400, 20);
+  write_scene("both", {"one", "two"}, kAllPairs, "max_held_splits: 200\n");
   auto publisher = serve();
   const auto peer = fly("both");
-  ASSERT_TRUE(peer->says("frame 100 of 400")) << peer->err();
+  ASSERT_TRUE(answers_come("both", 0, 200)) << peer->err();
   publisher->signal(SIGKILL);
   ASSERT_EQ(publisher->wait(), 1000 + SIGKILL);
   publisher = serve();
+  // It is the new one that is asked, once the other is missed.
+  std::string told;
+  ASSERT_TRUE(test::run_until(folder, "nearmesh-subscriber",
+                              on_bus({"status", "--json", "--seconds", "1.5"}), told,
+                              [&] {
+                                const json status = json::parse(told);
+                                for (const json& one : status.at("publishers"))
+                                  if (one.value("process_id", 0) == publisher->id())
+                                    return one.at("batches") > 0;
+                                return false;
+                              }))
+      << told << peer->err();
+  ASSERT_TRUE(answers_come("both", answers_of("both").size(), 75)) << peer->err();
+  peer->signal(SIGINT);
   ASSERT_EQ(peer->wait(), 0) << peer->err();
   const Checked checked = check("both");
-  EXPECT_EQ(checked.answers, 1200U);
   EXPECT_EQ(checked.wrong, 0U);
   const auto answers = answers_of("both");
-  const auto certified = std::count_if(answers.end() - 150, answers.end(), is_certified);
-  EXPECT_GT(certified, 75) << "of the last 150 answers";
+  EXPECT_EQ(checked.answers, answers.size());
   for (const json& answer : answers)
     EXPECT_NE(is_certified(answer), answer.contains("reason") || answer.contains("awaited"))
         << answer.dump();
-  // And it was the new one that was asked.
   publisher->signal(SIGINT);
-  EXPECT_EQ(publisher->wait(), 0);
-  unsigned long long requests = 0;
-  const std::string log = publisher->err();
-  const std::size_t at = log.find("stopping: ");
-  ASSERT_NE(at, std::string::npos) << log;
-  EXPECT_EQ(std::sscanf(log.c_str() + at, "stopping: %llu requests", &requests), 1);
-  EXPECT_GT(requests, 0U);
+  EXPECT_EQ(publisher->wait(), 0) << publisher->err();
 }
 
 // Nothing is certified about the dead one's body once its pose has aged; and the recording proves what was said.
 TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
-  constexpr int kFrames = 400;  // 8 s
-  write_flights(kFrames);
+  write_flights(kLong);
   write_scene("first", {"one"}, "[[ground, one], [one, two]]");
   write_scene("second", {"two"}, "[[ground, two], [one, two]]");
   const std::string session = folder.file("session.db3");
@@ -252,14 +280,22 @@ TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
   ASSERT_TRUE(recorder.says("recording domain")) << recorder.err();
   const auto publisher = serve();
   const auto first = fly("first"), second = fly("second");
-  ASSERT_TRUE(first->says("frame 100 of 400")) << first->err();
+  constexpr int kEnough = 100;
+  const auto is_aged = [](const json& answer) {
+    return answer.value("a", "") == "one" && answer.at("age_b_s") > 2;
+  };
+  ASSERT_TRUE(answers_come("first", 0, kEnough, [](const json& answer) {
+    return answer.value("a", "") == "one" && answer.at("age_b_s") <= 2;
+  })) << first->err();
   second->signal(SIGKILL);
   EXPECT_EQ(second->wait(), 1000 + SIGKILL);
+  ASSERT_TRUE(answers_come("first", answers_of("first").size(), kEnough, is_aged)) << first->err();
+  first->signal(SIGINT);
   ASSERT_EQ(first->wait(), 0) << first->err();
   const Checked checked = check("first");
-  EXPECT_EQ(checked.answers, 2U * kFrames);
+  EXPECT_EQ(checked.answers, answers_of("first").size());
   EXPECT_EQ(checked.wrong, 0U);
-  int alive = 0, aged = 0, vouched = 0, ground = 0;
+  int vouched = 0, ground = 0;
   double last_s = -1;
   for (const json& answer : answers_of("first")) {
     EXPECT_GE(answer.at("time_s"), last_s);
@@ -269,16 +305,12 @@ TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
       ground += is_certified(answer) ? 1 : 0;
       continue;
     }
-    const bool is_aged = answer.at("age_b_s") > 2;
-    (is_aged ? aged : alive) += 1;
-    if (!is_aged) continue;
+    if (!is_aged(answer)) continue;
     vouched += is_certified(answer) ? 1 : 0;
     EXPECT_NE(answer.at("reason").get<std::string>().find("body two"), std::string::npos);
   }
-  EXPECT_GT(alive, 100);
-  EXPECT_GT(aged, 100);
   EXPECT_EQ(vouched, 0);
-  EXPECT_GT(ground, kFrames / 2);
+  EXPECT_GT(ground, kEnough);
   publisher->signal(SIGINT);
   EXPECT_EQ(publisher->wait(), 0) << publisher->err();
   recorder.signal(SIGINT);
@@ -293,14 +325,20 @@ TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
 
 TEST_F(Programs, UnknownModelEndsTheStartWithItsName) {
   write_flights(20);
-  write_scene("both", {"one", "two"}, kAllPairs, "start_timeout_s: 2\n", "spectre");
   const auto publisher = serve();
-  const auto peer = fly("both");
-  EXPECT_EQ(peer->wait(), 1);
-  EXPECT_NE(peer->err().find("no certified answer within 2"), std::string::npos) << peer->err();
-  EXPECT_NE(peer->err().find("model spectre of body one: no publisher serves it"),
-            std::string::npos)
-      << peer->err();
+  // Until it has found the publisher it says that there is none: on a busy machine it is given more time.
+  const std::string expected = "model spectre of body one: no publisher serves it";
+  std::string said;
+  for (int seconds = 2; seconds <= 64 && said.find(expected) == std::string::npos; seconds *= 2) {
+    write_scene("both", {"one", "two"}, kAllPairs,
+                "start_timeout_s: " + std::to_string(seconds) + "\n", "spectre");
+    const auto peer = fly("both");
+    EXPECT_EQ(peer->wait(), 1);
+    said = peer->err();
+    EXPECT_NE(said.find("no certified answer within " + std::to_string(seconds)), std::string::npos)
+        << said;
+  }
+  EXPECT_NE(said.find(expected), std::string::npos) << said;
 }
 
 TEST_F(Programs, NoPublisherEndsTheStartWithAReason) {
@@ -321,12 +359,12 @@ TEST_F(Programs, InterruptEndsBothCleanly) {
     return peer->out().find("\"frame\":5,") != std::string::npos || peer->is_over();
   })) << peer->err();
   peer->signal(SIGINT);
-  EXPECT_EQ(peer->wait(10), 0) << peer->err();
+  EXPECT_EQ(peer->wait(test::kEnd_s), 0) << peer->err();
   const auto lines = test::lines_of(peer->out());
   EXPECT_TRUE(json::parse(lines.back()).contains("summary"));
   EXPECT_LT(json::parse(lines.back()).at("summary").at("frames").get<int>(), 5000);
   publisher->signal(SIGINT);
-  EXPECT_EQ(publisher->wait(10), 0) << publisher->err();
+  EXPECT_EQ(publisher->wait(test::kEnd_s), 0) << publisher->err();
   EXPECT_NE(publisher->err().find("stopping"), std::string::npos);
 }
 
@@ -337,7 +375,7 @@ TEST_F(Programs, InterruptEndsAPeerThatStillWaits) {
   ASSERT_TRUE(test::await([&] { return peer->err().find("joined domain") != std::string::npos; }))
       << peer->err();
   peer->signal(SIGINT);
-  EXPECT_EQ(peer->wait(10), 0) << peer->err();
+  EXPECT_EQ(peer->wait(test::kEnd_s), 0) << peer->err();
 }
 
 TEST_F(Programs, CorruptModelIsRefused) {
@@ -365,7 +403,7 @@ TEST_F(Programs, WhatIsNoFileIsRefusedAtOnce) {
   for (const char* name : {"fifo.spm", "device.spm", "folder.spm"}) {
     Process publisher(folder, "nearmesh-publisher",
                       on_bus({"serve", terrain(), folder.file(name)}));
-    EXPECT_EQ(publisher.wait(10), 1) << name;
+    EXPECT_EQ(publisher.wait(), 1) << name;
     EXPECT_NE(publisher.err().find(folder.file(name) + ": not a regular file"), std::string::npos)
         << publisher.err();
   }
@@ -394,7 +432,7 @@ TEST_F(Programs, ModelReplacedUnderAPublisherIsServedAsItWasOrRefused) {
                  "bodies:\n  - {name: ground, model: " + model +
                      ", pose: {translation: [0, 0, 0]}}\n  - {name: one, model: aircraft}\nmoves:\n"
                      "  - {body: one, trajectory: low.csv}\npairs: [[ground, one]]\n"
-                     "frame_rate_hz: 50\nstart_timeout_s: 10\n");
+                     "frame_rate_hz: 50\nstart_timeout_s: 20\n");
   };
   scene("cut");
   const auto refused = fly("cut");
@@ -742,7 +780,8 @@ TEST_F(RecordedFlights, WhatWasFreeByPromisesIsProvedFromTheRecording) {
   std::string out, err;
   ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", session, "--json"}, &out, &err), 0)
       << err;
-  for (const json& topic : json::parse(out).at("topics"))
+  const json info = json::parse(out);
+  for (const json& topic : info.at("topics"))
     if (const std::string name = topic.at("name");
         name.ends_with("near_poses") || name.ends_with("body_promises")) {
       EXPECT_GT(topic.at("samples"), 0U) << topic;
@@ -777,13 +816,15 @@ TEST_F(Programs, WhoStaysWhereItsTrajectoryEndsIsAtRest) {
 }
 
 TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
-  write_flights(300);
+  write_flights(300, 30);
   write_scene("both", {"one", "two"}, kAllPairs);
   const std::string session = folder.file("session.db3");
   const auto publisher = serve();
   const auto peer = fly("both");
-  ASSERT_TRUE(peer->says("frame 75 of 300")) << peer->err();
+  ASSERT_TRUE(answers_come("both", 225, 1)) << peer->err();
   const auto recorder = record(folder, on_bus({"record", "-o", session}));
+  ASSERT_TRUE(is_recorded(session, 900)) << peer->err();
+  peer->signal(SIGINT);
   ASSERT_EQ(peer->wait(), 0) << peer->err();
   recorder->signal(SIGINT);
   ASSERT_EQ(recorder->wait(), 0) << recorder->err();
@@ -794,10 +835,10 @@ TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
   std::filesystem::copy_file(aircraft(), models + "/aircraft.spm");
   const json proved = verify(folder, session, {"--models", models});
   EXPECT_EQ(proved.at("different"), 0U);
-  EXPECT_GT(proved.at("before"), 100U);  // of the first 225 reports
+  EXPECT_GT(proved.at("before"), 100U);  // of the first 225 reports and more
   EXPECT_GT(proved.at("answers"), 300U);
   // All but what was said until the peer had told what it holds: half a second after it heard of the recorder, which takes
-  // another second where the first announcement was lost, out of four and a half.
+  // another second where the first announcement was lost, out of six.
   EXPECT_GT(proved.at("proved"), proved.at("answers").get<double>() * 0.5) << proved;
   EXPECT_EQ(proved.at("proved").get<int>() + proved.at("lacking_batches").get<int>(),
             proved.at("answers").get<int>());
@@ -854,16 +895,18 @@ TEST_F(Programs, WaitsForARecorderSoThatNothingIsMissed) {
 }
 
 TEST_F(Programs, KilledRecorderLeavesWhatItHeard) {
-  write_flights(200);
+  write_flights(200, 40);
   write_scene("both", {"one", "two"}, kAllPairs);
   const std::string session = folder.file("session.db3");
   const auto recorder = record(folder, on_bus({"record", "-o", session}));
   const auto publisher = serve();
   const auto peer = fly("both");
-  ASSERT_TRUE(peer->says("frame 150 of 200")) << peer->err();
+  // What it writes down at last is on disk a second later.
+  ASSERT_TRUE(is_recorded(session, 300)) << peer->err();
   recorder->signal(SIGKILL);
   ASSERT_EQ(recorder->wait(), 1000 + SIGKILL);
-  expect_proved(folder, session, 200);  // of 450: all but the last second
+  expect_proved(folder, session, 200);
+  peer->signal(SIGINT);
   ASSERT_EQ(peer->wait(), 0) << peer->err();
   EXPECT_EQ(check("both").wrong, 0U);
 }
@@ -927,7 +970,7 @@ TEST_F(Programs, RecorderSplitsAndRefuses) {
 // In a crowd each waits for the others, which need the processor.
 TEST_F(Programs, WhoWaitsForAPublisherLooksSeldomForIt) {
   write_flights(10);
-  write_scene("alone", {"one"}, "[[ground, one]]", "start_timeout_s: 60\n");
+  write_scene("alone", {"one"}, "[[ground, one]]", "start_timeout_s: 600\n");
   const auto peer = fly("alone");
   // So often its main thread has slept.
   const auto sleeps = [&] {
@@ -936,11 +979,15 @@ TEST_F(Programs, WhoWaitsForAPublisherLooksSeldomForIt) {
     const std::size_t at = status.find(label);
     return at == std::string::npos ? 0 : std::stoi(status.substr(at + label.size()));
   };
+  ASSERT_TRUE(peer->says("joined domain")) << peer->err();
   std::this_thread::sleep_for(std::chrono::seconds(4));
+  const Stopwatch
+      clock;  // before the count: who is held up in between counts too few, not too many
   const int before = sleeps();
   EXPECT_GT(before, 0);
   std::this_thread::sleep_for(std::chrono::seconds(2));
-  EXPECT_LT(sleeps() - before, 200) << "in two seconds";
+  const int after = sleeps();
+  EXPECT_LT(after - before, 100 * clock.seconds());
   EXPECT_FALSE(peer->is_over()) << peer->err();
 }
 

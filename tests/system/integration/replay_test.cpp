@@ -129,30 +129,36 @@ bool is_in_order_in(const std::vector<std::vector<std::uint8_t>>& part,
 
 TEST_F(ReplayProgram, RecordedAgainItIsTheSame) {
   const std::string session = record_session(), copy = folder.file("copy.db3");
-  const auto recorder =
-      start("nearmesh-subscriber", on_bus({"record", "-o", copy}, 1), "recording domain");
-  std::string out, err;
-  ASSERT_EQ(test::run(folder, "nearmesh-publisher", replay(session, {"--rate", "0.5", "--json"}),
-                      &out, &err),
-            0)
-      << err;
-  recorder->signal(SIGINT);
-  ASSERT_EQ(recorder->wait(), 0) << recorder->err();
-
-  const Streams played = streams_of(session), heard = streams_of(copy);
-  std::size_t played_count = 0, heard_count = 0;
+  const Streams played = streams_of(session);
+  std::size_t played_count = 0;
   for (const auto& [name, stream] : played) played_count += stream.size();
-  for (const auto& [name, stream] : heard) {
-    heard_count += stream.size();
-    const auto [begin, end] = played.equal_range(name);
-    EXPECT_TRUE(std::any_of(begin, end, [&stream = stream](const auto& entry) {
-      return is_in_order_in(stream, entry.second);
-    })) << name;
-  }
-  EXPECT_EQ(heard.size(), played.size());
   EXPECT_GT(played_count, 4U * kFrames);
-  // On a machine that is very busy a pose may be overtaken by the next.
-  EXPECT_GE(heard_count, played_count - played_count / 50);
+  std::string out, err;
+  // On a machine that is very busy a pose may be overtaken by the next: of many it is played again.
+  std::size_t heard_count = 0;
+  const std::size_t enough = played_count - played_count / 50;
+  for (int i = 0; i < 5 && heard_count < enough && !HasFailure(); ++i) {
+    for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(copy + suffix);
+    const auto recorder =
+        start("nearmesh-subscriber", on_bus({"record", "-o", copy}, 1), "recording domain");
+    ASSERT_EQ(test::run(folder, "nearmesh-publisher", replay(session, {"--rate", "0.5", "--json"}),
+                        &out, &err),
+              0)
+        << err;
+    recorder->signal(SIGINT);
+    ASSERT_EQ(recorder->wait(), 0) << recorder->err();
+    const Streams heard = streams_of(copy);
+    heard_count = 0;
+    for (const auto& [name, stream] : heard) {
+      heard_count += stream.size();
+      const auto [begin, end] = played.equal_range(name);
+      EXPECT_TRUE(std::any_of(begin, end, [&stream = stream](const auto& entry) {
+        return is_in_order_in(stream, entry.second);
+      })) << name;
+    }
+    EXPECT_EQ(heard.size(), played.size());
+  }
+  EXPECT_GE(heard_count, enough);
 
   const json report = json::parse(test::lines_of(out).back()).at("replayed");
   EXPECT_EQ(report.at("messages"), played_count);
@@ -187,7 +193,7 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   const auto late = fly("late", 1);
   ASSERT_EQ(late->wait(), 0) << late->err();
   player->signal(SIGINT);
-  ASSERT_EQ(player->wait(10), 0) << player->err();
+  ASSERT_EQ(player->wait(test::kEnd_s), 0) << player->err();
   const test::CheckedAnswers checked =
       test::check_answers(folder, {terrain(), aircraft()}, folder.file("late.jsonl"));
   EXPECT_EQ(checked.answers, 3U * kFrames);
@@ -208,8 +214,8 @@ TEST_F(ReplayProgram, AnOnlookerThatHasWaitedFollowsWhatIsPlayed) {
   write_scene("onlooker", "  []\n", "[[ground, one], [ground, two], [one, two]]");
   const auto onlooker = fly("onlooker", 1);
   test::pause(1.2 * kFrames / 50);
-  const auto player = start("nearmesh-publisher", replay(session, {}), "replaying");
-  ASSERT_EQ(player->wait(30), 0) << player->err();
+  const auto player = start("nearmesh-publisher", replay(session, {"--rate", "0.5"}), "replaying");
+  ASSERT_EQ(player->wait(), 0) << player->err();
   onlooker->signal(SIGINT);
   ASSERT_EQ(onlooker->wait(), 0) << onlooker->err();
   const test::CheckedAnswers checked =

@@ -17,9 +17,6 @@ using test::kQuiet_s;
 using test::kTrue;
 using test::Process;
 
-/// Of what happens within two periods of 0.5 s, on a machine that is busy.
-constexpr double kSoon_s = 10;
-
 class Revoked : public test::Secured {
  protected:
   void revoke(const std::string& set, const std::string& name) const {
@@ -42,12 +39,20 @@ class Revoked : public test::Secured {
     std::ofstream(set + "/alice/key.pem") << wire::crypto::to_pem(*made.value().key).value();
   }
   static bool becomes(test::SecuredPeer& peer, const std::string& body, wire::Mover mover) {
-    return test::await([&] { return peer.collect().movers[body] == mover; }, kSoon_s);
+    return test::await([&] { return peer.collect().movers[body] == mover; });
   }
   static int count(const test::SecuredPeer& peer, const std::string& words) {
     return static_cast<int>(std::count_if(
         peer.all.complaints.begin(), peer.all.complaints.end(),
         [&](const std::string& line) { return line.find(words) != std::string::npos; }));
+  }
+  /// A complaint with these words is made, once.
+  static bool comes(test::SecuredPeer& peer, const std::string& words) {
+    return test::await([&] {
+             static_cast<void>(peer.collect());
+             return count(peer, words) > 0;
+           }) &&
+           count(peer, words) == 1;
   }
   // Alice moves the arm and bob the leg; all others, and the publisher, hear both.
   void fly(const std::string& set, const std::function<void()>& end_alice, const char* why) {
@@ -66,16 +71,14 @@ class Revoked : public test::Secured {
     end_alice();
     const Stopwatch since;
     const wire::SessionId lost = alice.channel->own_id();
-    EXPECT_TRUE(test::await(
-        [&] {
-          const auto peers = publisher->take().lost_peers;
-          return std::find(peers.begin(), peers.end(), lost) != peers.end();
-        },
-        kSoon_s));
+    EXPECT_TRUE(test::await([&] {
+      const auto peers = publisher->take().lost_peers;
+      return std::find(peers.begin(), peers.end(), lost) != peers.end();
+    }));
     EXPECT_FALSE(publisher->send(lost, wire::SplitBatchMessage{}));
     EXPECT_TRUE(becomes(carol, "arm", wire::Mover::kBarred));
     EXPECT_TRUE(becomes(bob, "arm", wire::Mover::kBarred));
-    EXPECT_TRUE(test::await([&] { return !alice.channel->identity().is_ok(); }, kSoon_s));
+    EXPECT_TRUE(test::await([&] { return !alice.channel->identity().is_ok(); }));
     RecordProperty("seconds", std::to_string(since.seconds()));
     EXPECT_NE(alice.channel->identity().message().find(why), std::string::npos)
         << alice.channel->identity().message();
@@ -87,10 +90,9 @@ class Revoked : public test::Secured {
     ASSERT_TRUE(carol.hears_frame(4));
     EXPECT_EQ(carol.all.movers["leg"], wire::Mover::kThere);
     EXPECT_EQ(carol.all.movers["arm"], wire::Mover::kBarred);
-    EXPECT_EQ(count(carol, why), 1);
+    EXPECT_TRUE(comes(carol, why));
     EXPECT_TRUE(carol.channel->identity().is_ok());
-    static_cast<void>(alice.collect());
-    EXPECT_EQ(count(alice, "this program's identity alice"), 1);
+    EXPECT_TRUE(comes(alice, "this program's identity alice"));
   }
 };
 
@@ -102,7 +104,7 @@ TEST_F(Revoked, EndsAtAllOthers) {
 
 TEST_F(Revoked, ExpiredEndsAtAllOthers) {
   const std::string set = make_set("set");
-  shorten(set, 8);
+  shorten(set, 30);  // by then all have met, on a slow machine too
   ASSERT_TRUE(wire::check_security(set + "/alice", kDomain, prefix).empty());
   fly(
       set, [] {}, "expired on");
@@ -117,12 +119,7 @@ TEST_F(Revoked, CannotComeBackUntilItIsRenewed) {
   move(bob, "leg", 1);
   ASSERT_TRUE(carol.hears_frame(1));
   revoke(set, "alice");
-  ASSERT_TRUE(test::await(
-      [&] {
-        static_cast<void>(carol.collect());
-        return count(carol, "list 1 is in force") == 1;
-      },
-      kSoon_s));
+  ASSERT_TRUE(comes(carol, "list 1 is in force"));
   subscriber::DdsChannelOptions options;
   options.transport = transport(set + "/alice");
   const auto refused = subscriber::DdsChannel::create(options);
@@ -131,6 +128,7 @@ TEST_F(Revoked, CannotComeBackUntilItIsRenewed) {
       << refused.status().message();
   test::SecuredPeer thief = join(stolen);
   move(thief, "arm", 2);
+  EXPECT_TRUE(comes(carol, "identity alice: its certificate"));
   EXPECT_FALSE(test::await([&] { return carol.collect().poses.size() > 1; }, 2 * kQuiet_s));
   EXPECT_EQ(count(carol, "identity alice: its certificate"), 1);
   wire::SecurityPlan again;
@@ -160,18 +158,21 @@ TEST_F(Revoked, EndsEachVerbOnTheBus) {
                              "--topics", "hello,mesh_header"});
   const auto looker =
       start("nearmesh-subscriber", "alice", {"status", "--watch", "--seconds", "0.3"});
-  const auto doctor = start("nearmesh-subscriber", "bob", {"doctor", "--seconds", "60"});
+  const auto doctor = start("nearmesh-subscriber", "bob", {"doctor", "--seconds", "600"});
   ASSERT_TRUE(player->says("replaying")) << player->err();
   ASSERT_TRUE(test::await([&] { return looker->out().find("publishers") != std::string::npos; }));
   // One that meets it shows that it is there.
-  const auto other = start("nearmesh-subscriber", "carol", {"doctor", "--seconds", "8"});
-  static_cast<void>(other->wait());  // on a machine that is very busy it measures losses
-  ASSERT_NE(other->out().find("another doctor after"), std::string::npos)
-      << other->out() << other->err();
+  std::unique_ptr<Process> other;
+  ASSERT_TRUE(test::await([&] {
+    other = start("nearmesh-subscriber", "carol", {"doctor", "--seconds", "8"});
+    static_cast<void>(other->wait());  // on a machine that is very busy it measures losses
+    return other->out().find("another doctor after") != std::string::npos;
+  })) << other->out()
+      << other->err();
   for (const char* name : {"serve", "alice", "bob"}) revoke(set, name);
   EXPECT_EQ(player->wait(), 5) << player->err();
   EXPECT_EQ(looker->wait(), 5) << looker->err();
-  EXPECT_EQ(doctor->wait(kSoon_s), 5) << doctor->out() << doctor->err();
+  EXPECT_EQ(doctor->wait(), 5) << doctor->out() << doctor->err();
 }
 
 TEST_F(Revoked, OthersFlyOnCertified) {
@@ -195,10 +196,11 @@ TEST_F(Revoked, OthersFlyOnCertified) {
       << err;
   const std::string terrain = test::model_file("terrain", 48),
                     aircraft = test::model_file("aircraft", 600);
-  ASSERT_EQ(
-      test::run(folder, "nearmesh-demo-flights",
-                {folder.path(), "--size", "48", "--frames", "300", "--rate", "25"}, nullptr, &err),
-      0)
+  ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
+                      {folder.path(), "--size", "48", "--frames", "300", "--rate", "25", "--rounds",
+                       "20"},
+                      nullptr, &err),
+            0)
       << err;
   const auto scene = [&](const char* own, const char* pairs) {
     return std::string(
@@ -218,48 +220,53 @@ TEST_F(Revoked, OthersFlyOnCertified) {
   Process alice(folder, "nearmesh-subscriber", on_bus({"run", folder.file("alice.yaml")}, "alice"));
   Process bob(folder, "nearmesh-subscriber",
               on_bus({"run", folder.file("bob.yaml"), "--answers", folder.file("a.jsonl")}, "bob"));
-  ASSERT_TRUE(bob.says("frame 75 of 300")) << bob.err();
+  const std::string answers = folder.file("a.jsonl");
+  ASSERT_TRUE(test::answers_come(answers, 0, 150, [](const std::string&) { return true; }))
+      << bob.err();
   ASSERT_EQ(test::run(folder, "nearmesh-publisher",
                       on_bus({"make-security", set, "--revoke", "alice"}, ""), &out, &err),
             0)
       << err;
   EXPECT_NE(out.find("alice/identity_crl.pem"), std::string::npos) << out;
   const std::string barred_words = "was revoked or has expired";
-  ASSERT_TRUE(test::await([&] {
-    return test::read_text(folder.file("a.jsonl")).find(barred_words) != std::string::npos;
-  }));
+  ASSERT_TRUE(test::answers_come(answers, 0, 1, [&](const std::string& line) {
+    return line.find(barred_words) != std::string::npos;
+  })) << bob.err();
   fs::copy_file(set + "/alice/identity_crl.pem", elsewhere + "/identity_crl.pem");
-  EXPECT_EQ(alice.wait(kSoon_s), 5) << alice.err();
+  EXPECT_EQ(alice.wait(), 5) << alice.err();
   EXPECT_NE(alice.err().find("this program's identity alice was revoked"), std::string::npos)
       << alice.err();
+  constexpr std::size_t kEnough = 50;
+  const auto is_certified = [](const nlohmann::json& answer) {
+    return answer["status"] != "uncertain" && answer["status"] != "partial";
+  };
+  const std::size_t until_now = test::lines_of(test::read_text(answers)).size();
+  EXPECT_TRUE(test::answers_come(answers, until_now, kEnough, [&](const std::string& line) {
+    const auto answer = nlohmann::json::parse(line);
+    return answer["a"] == "ground" && is_certified(answer);
+  })) << bob.err();
+  bob.signal(SIGINT);
   ASSERT_EQ(bob.wait(), 0) << bob.err();
   // From the first answer that knows it, to the end.
-  int since = 0, barred = 0, ground = 0, ground_certified = 0;
-  for (const std::string& line : test::lines_of(test::read_text(folder.file("a.jsonl")))) {
+  int since = 0, barred = 0;
+  for (const std::string& line : test::lines_of(test::read_text(answers))) {
     const auto answer = nlohmann::json::parse(line);
     if (!answer.contains("frame")) continue;
     const bool is_barred = answer.value("reason", "").find(barred_words) != std::string::npos;
-    if (since == 0 && !is_barred) continue;
-    const bool is_certified = answer["status"] != "uncertain" && answer["status"] != "partial";
-    if (answer["a"] == "ground") {
-      ++ground;
-      ground_certified += is_certified ? 1 : 0;
-    } else {
-      EXPECT_EQ(answer["status"], "uncertain");
-      ++since;
-      barred += is_barred ? 1 : 0;
-    }
+    if (answer["a"] == "ground" || (since == 0 && !is_barred)) continue;
+    EXPECT_EQ(answer["status"], "uncertain");
+    ++since;
+    barred += is_barred ? 1 : 0;
   }
   EXPECT_GT(since, 0);
   EXPECT_EQ(barred, since);
-  EXPECT_GE(ground_certified, ground * 9 / 10);
   // The others' list is in force too: the publisher ends by its own.
   ASSERT_EQ(test::run(folder, "nearmesh-publisher",
                       on_bus({"make-security", set, "--revoke", "serve", "rec"}, ""), &out, &err),
             0)
       << err;
-  EXPECT_EQ(publisher.wait(kSoon_s), 5) << publisher.err();
-  EXPECT_EQ(recorder.wait(kSoon_s), 5) << recorder.err();
+  EXPECT_EQ(publisher.wait(), 5) << publisher.err();
+  EXPECT_EQ(recorder.wait(), 5) << recorder.err();
   EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
                       {"verify", folder.file("session.db3"), "--allow-unproved"}, &out, &err),
             0)

@@ -64,14 +64,21 @@ class Stopped : public ServedFixture {};
 
 TEST_F(Stopped, PeerThatIsBackAfterTenSecondsGoesOnWithoutJoiningAnew) {
   serve_over({{}, {}});
-  constexpr double kFrames_per_s = 20;
+  constexpr double kFrames_per_s = 20, kLongest_s = 14;  // beyond, it is right to join anew
   write_flights(folder, models, 400, kFrames_per_s);
-  const auto flight = start_flight(*lan, 1, folder, models, kFrames_per_s);
   const auto answers = [&] { return lines_of(read_text(folder.file("answers.jsonl"))); };
-  ASSERT_TRUE(await([&] { return answers().size() > 40; })) << flight->err();
-  flight->signal(SIGSTOP);
-  pause(10);
-  flight->signal(SIGCONT);
+  std::unique_ptr<Process> flight;
+  double stood_s = 2 * kLongest_s;
+  for (int i = 0; i < 5 && stood_s > kLongest_s; ++i) {  // the test may be held up as it waits
+    flight = start_flight(*lan, 1, folder, models, kFrames_per_s);
+    ASSERT_TRUE(await([&] { return answers().size() > 40; })) << flight->err();
+    const Stopwatch clock;
+    flight->signal(SIGSTOP);
+    pause(10);
+    flight->signal(SIGCONT);
+    stood_s = clock.seconds();
+  }
+  ASSERT_LT(stood_s, kLongest_s);
   ASSERT_EQ(flight->wait(), 0) << flight->err();
   for (const std::string& said : {flight->err(), publisher->err()})
     EXPECT_EQ(said.find("joining again"), std::string::npos) << said;

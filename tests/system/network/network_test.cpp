@@ -6,12 +6,18 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <algorithm>
+#include <cstdio>
+
 #include "network_fixture.hpp"
 
 namespace nearmesh::test {
 namespace {
 
 class Network : public ServedFixture {};
+
+/// Rates and pauses are those of the machine too: where it was held up they are measured again. What is flooded or wrong is so each time.
+constexpr int kTries = 5;
 
 double mbit_per_s(const PipeResult& pipe) {
   return 8e-6 * static_cast<double>(pipe.bytes) / pipe.seconds;
@@ -45,41 +51,57 @@ TEST_F(Network, LinksKeepTheirRateAndLoseWhatTheyShould) {
 
 TEST_F(Network, ThinLinkIsFilledNotFloodedAndNeededNowOvertakes) {
   serve_over({{}, {.mbit_per_s = 1}});
-  const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
-  EXPECT_GT(mbit_per_s(pipe), 0.5);
-  const auto payload = static_cast<double>(pipe.sample_bytes);
-  EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes), 1.35 * payload);
-  ASSERT_GE(pipe.overtakes_s.size(), 3U);
-  EXPECT_LT(pipe.overtakes_s[pipe.overtakes_s.size() / 2], 0.3);
+  bool is_filled = false, overtakes = false;
+  for (int i = 0; i < kTries && !(is_filled && overtakes); ++i) {
+    const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
+    EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes),
+              1.35 * static_cast<double>(pipe.sample_bytes));
+    is_filled = mbit_per_s(pipe) > 0.5;
+    const std::size_t asked = pipe.overtakes_s.size();
+    overtakes = asked >= 3 && pipe.overtakes_s[asked / 2] < 0.3;
+    std::printf("%.2f Mbit/s, %zu overtakes, %.3f s (median)\n", mbit_per_s(pipe), asked,
+                asked == 0 ? 0 : pipe.overtakes_s[asked / 2]);
+  }
+  EXPECT_TRUE(is_filled);
+  EXPECT_TRUE(overtakes);
 }
 
 TEST_F(Network, LossesAreRepairedWithoutAFlood) {
   serve_over({{}, {.mbit_per_s = 1, .loss = 0.05}});
-  const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
-  EXPECT_GT(mbit_per_s(pipe), 0.25);
-  EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes),
-            2.5 * static_cast<double>(pipe.sample_bytes));
+  double most = 0;
+  for (int i = 0; i < kTries && most <= 0.25; ++i) {
+    const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
+    most = std::max(most, mbit_per_s(pipe));
+    EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes),
+              2.5 * static_cast<double>(pipe.sample_bytes));
+  }
+  EXPECT_GT(most, 0.25);
+}
+
+/// Flies until it stays certified as it should, and each time every answer is right.
+FlightResult fly_well(const Lan& lan, const Folder& folder, const Exercise& models,
+                      std::uint64_t certified, double lag_s) {
+  FlightResult flight;
+  for (int i = 0; i < kTries && !::testing::Test::HasFailure(); ++i) {
+    flight = fly(lan, 1, folder, models, {.frames = 80});
+    EXPECT_TRUE(flight.ended) << flight.complaint;
+    EXPECT_EQ(flight.answers, 80U);
+    EXPECT_EQ(flight.wrong, 0U);
+    if (flight.certified > certified && flight.longest_lag_s < lag_s) break;
+  }
+  EXPECT_GT(flight.certified, certified);
+  EXPECT_LT(flight.longest_lag_s, lag_s);
+  return flight;
 }
 
 TEST_F(Network, FlightOverAThinLinkStaysCertified) {
   serve_over({{}, {.mbit_per_s = 0.25}});
-  const FlightResult flight = fly(*lan, 1, folder, models, {.frames = 80});
-  ASSERT_TRUE(flight.ended) << flight.complaint;
-  EXPECT_EQ(flight.answers, 80U);
-  EXPECT_EQ(flight.wrong, 0U);
-  EXPECT_GT(flight.contacts, 4U);
-  EXPECT_GT(flight.certified, 60U);
-  EXPECT_LT(flight.longest_lag_s, 2.5);
+  EXPECT_GT(fly_well(*lan, folder, models, 60, 2.5).contacts, 4U);
 }
 
 TEST_F(Network, FlightOverALossyLinkIsNeverWrongAndGoesOn) {
   serve_over({{}, {.mbit_per_s = 1, .loss = 0.1}});
-  const FlightResult flight = fly(*lan, 1, folder, models, {.frames = 80});
-  ASSERT_TRUE(flight.ended) << flight.complaint;
-  EXPECT_EQ(flight.answers, 80U);
-  EXPECT_EQ(flight.wrong, 0U);
-  EXPECT_GT(flight.certified, 40U);
-  EXPECT_LT(flight.longest_lag_s, 5);
+  static_cast<void>(fly_well(*lan, folder, models, 40, 5));
 }
 
 }  // namespace

@@ -139,7 +139,7 @@ FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const E
   const Lan::Counters before = lan.counters(host);
   {
     const auto peer = start_flight(lan, host, folder, exercise, options.rate_hz);
-    result.ended = peer->wait(60 + 3 * options.frames / options.rate_hz) == 0;
+    result.ended = peer->wait(kDeadline_s + 3 * options.frames / options.rate_hz) == 0;
     result.complaint = peer->err();
   }
   const Lan::Counters after = lan.counters(host);

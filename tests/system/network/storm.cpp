@@ -31,9 +31,8 @@ constexpr double kFrames_per_s = 20;
 constexpr double kCapture_s = 3;
 /// A door binds a participant to its sockets some seconds after it was first heard: the storm begins on a bus that is at work.
 constexpr double kSettle_s = 12;
-constexpr double kRecover_s = 2;  ///< after the storm: whatever is deaf then is reported
+constexpr double kRecover_s = 2;  ///< after the storm
 constexpr double kLook_s = 2;
-constexpr int kStatuses = 4;  ///< of each program, one a second, in which it is seen to hear
 
 struct Captured {
   RtpsBytes bytes;
@@ -452,7 +451,7 @@ Answers read_answers(const std::string& path, std::size_t from = 0) {
 class Victims {
  public:
   Victims(const Lan& lan, const Exercise& exercise, const StormOptions& options)
-      : exercise_(exercise), secured_(options.secured) {
+      : exercise_(exercise), secured_(options.secured), deaf_s_(options.deaf_s) {
     const Lan::Visit visit = lan.visit(0);
     if (secured_) make_identities();
     std::vector<std::string> words{"serve"};
@@ -515,8 +514,14 @@ class Victims {
             was != before[name].end() && spent - was->second > seconds / 2)
           result.spins.push_back(name + " thread " + thread);
     for (int i = 0; i < 2; ++i) {
-      const Answers now = read_answers(flyers_[i].answers(), from[i]);
+      Answers now;
       const std::string name = "peer" + std::to_string(i + 1);
+      static_cast<void>(poll(
+          [&] {
+            now = read_answers(flyers_[i].answers(), from[i]);
+            return now.certified > 0 && now.other_poses.size() >= 2;
+          },
+          deaf_s_, 0.1));
       if (now.certified == 0) result.deaf.push_back(name + ": no certified answer");
       // Its own aircraft moves each frame; half the frames at least shall have the other's new pose too.
       if (now.other_poses.size() < 2) result.deaf.push_back(name + ": no poses of the other");
@@ -529,7 +534,7 @@ class Victims {
       if (process->is_over()) continue;
       const Stopwatch clock;
       process->signal(SIGINT);
-      const int code = process->wait(20);
+      const int code = process->wait();
       result.slowest_end_s = std::max(result.slowest_end_s, clock.seconds());
       // The simulator leaves SIGINT to the system.
       if (code != 0 && code != 1000 + SIGINT)
@@ -553,20 +558,25 @@ class Victims {
     const std::string name = "status";
     start(name, "nearmesh-subscriber", {"status", "--watch", "--seconds", "1", "--json"}, "watch");
     const auto process = std::move(all_.extract(name).mapped());
-    static_cast<void>(await([&] { return lines_of(process->out()).size() >= kStatuses; }, 20));
-    process->signal(SIGINT);
-    static_cast<void>(process->wait());
     std::set<std::uint64_t> requests;
     std::set<std::string> readiness;
-    for (const std::string& line : lines_of(process->out())) {
-      const json told = json::parse(line);
-      for (const json& one : told.at("publishers"))
-        if (one.value("process_id", 0) == of("publisher").id())
-          requests.insert(one.at("requests").get<std::uint64_t>());
-      for (const json& one : told.at("peers"))
-        if (!secured_ && one.value("process_id", 0) == of("simulator").id())
-          readiness.insert(one.at("readiness").get<std::string>());
-    }
+    const auto look = [&] {
+      for (const std::string& line : lines_of(process->out())) {
+        const json told = json::parse(line, nullptr, false);  // the last may be half of one
+        if (!told.is_object()) break;
+        for (const json& one : told.at("publishers"))
+          if (one.value("process_id", 0) == of("publisher").id())
+            requests.insert(one.at("requests").get<std::uint64_t>());
+        for (const json& one : told.at("peers"))
+          if (!secured_ && one.value("process_id", 0) == of("simulator").id())
+            readiness.insert(one.at("readiness").get<std::string>());
+      }
+      return requests.size() >= 2 && (secured_ || readiness.contains("ready"));
+    };
+    constexpr double kStatuses_s = 4;  // one a second
+    static_cast<void>(poll(look, kStatuses_s + deaf_s_, 0.1));
+    process->signal(SIGINT);
+    static_cast<void>(process->wait());
     if (requests.size() < 2) result.deaf.push_back("publisher: no requests");
     if (!secured_ && !readiness.contains("ready"))
       result.deaf.push_back("simulator: " + (readiness.empty() ? "no status" : *readiness.begin()));
@@ -621,6 +631,7 @@ class Victims {
 
   const Exercise exercise_;
   const bool secured_;
+  const double deaf_s_;
   const Folder folder_;
   std::int64_t looked_ns_ = 0;  ///< by the wall clock, which recordings use
   Flyer flyers_[2];

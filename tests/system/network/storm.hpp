@@ -18,6 +18,7 @@ struct StormOptions {
   double packets_per_s = 2000;
   bool secured = false;
   std::uint64_t seed = 1;
+  double deaf_s = 2;  ///< a stream on which nothing comes for so long counts as deaf
   /// What is sent first, some times to each port.
   std::vector<RtpsBytes> first;
 };
@@ -26,8 +27,8 @@ struct StormResult {
   std::uint64_t sent = 0, captured = 0;
   std::vector<std::string> ended;  ///< programs that ended before they were told to
   std::vector<std::string> spins;  ///< threads that use more than half a core when all is over
-  std::vector<std::string> deaf;  ///< streams on which nothing comes 2 s after the end, of all five
-  double slowest_end_s = 0;       ///< from SIGINT to the end, of the slowest program
+  std::vector<std::string> deaf;   ///< streams on which nothing comes after the end, of all five
+  double slowest_end_s = 0;        ///< from SIGINT to the end, of the slowest program
   std::uint64_t answers = 0, certified = 0,
                 wrong = 0;     ///< of both peers, all against the full meshes
   double longest_pause_s = 0;  ///< without a certified answer, of the worse peer

@@ -23,9 +23,13 @@ namespace {
 thread_local int allowed_here = -1;
 thread_local bool is_tester = false;
 std::atomic<bool> refused_to_others = false;
+std::atomic<int> refusals_to_others = 0;
 
 bool is_refused() {
-  if (refused_to_others && !is_tester) return true;
+  if (refused_to_others && !is_tester) {
+    ++refusals_to_others;
+    return true;
+  }
   return allowed_here >= 0 && allowed_here-- == 0;
 }
 
@@ -63,24 +67,26 @@ int refuse_each(Step step, Check check) {
   }
 }
 
-/// No thread but this one gets memory, for so long. `look` is called at the end of it.
-template <class Look>
-void starve_others(std::chrono::milliseconds time, Look look) {
-  is_tester = true;
-  refused_to_others = true;
-  std::this_thread::sleep_for(time);
-  look();
-  refused_to_others = false;
-}
-
 template <class Condition>
 bool comes(Condition condition) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(100);
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   return true;
+}
+
+/// No thread but this one gets memory, for so long, and until one has asked for some. `look` is called at the end of it.
+template <class Look>
+void starve_others(std::chrono::milliseconds time, Look look) {
+  is_tester = true;
+  refusals_to_others = 0;
+  refused_to_others = true;
+  std::this_thread::sleep_for(time);
+  EXPECT_TRUE(comes([] { return refusals_to_others > 0; }));
+  look();
+  refused_to_others = false;
 }
 
 bool says_no_memory(Mailbox& mailbox) {

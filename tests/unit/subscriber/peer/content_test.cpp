@@ -47,7 +47,7 @@ class Content : public testing::Test {
   [[nodiscard]] bool status_says(Session& session, wire::SessionId process,
                                  const std::string& part) {
     world.bus.statuses.clear();
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(100);
     while (!world.bus.statuses.contains(process) && std::chrono::steady_clock::now() < deadline)
       static_cast<void>(world.round(session));
     const auto& lines = world.bus.statuses[process].complaints;

@@ -324,7 +324,7 @@ TEST_F(PoseOf, ASweptAnswerCountsFromTheFrame) {
 TEST_F(PoseOf, WhoWaitsFollowsTheTimeOfOthers) {
   make();
   deliver(100);
-  const auto waited = subscriber::wait_ready(*host_->session, kOne, 5);
+  const auto waited = subscriber::wait_ready(*host_->session, kOne, 100);
   ASSERT_TRUE(waited.is_ok());
   EXPECT_EQ(waited.value().readiness.stage, subscriber::ReadyStage::kCertified)
       << waited.value().readiness.reason;

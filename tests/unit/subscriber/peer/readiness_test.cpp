@@ -97,7 +97,7 @@ TEST(Readiness, IsNeverCertifiedForWhatNoUpdateHasAnswered) {
 TEST(WaitReady, BlocksUntilCertifiedOrUntilTheTimeIsOver) {
   LocalHost host;
   host.spawn("one");
-  const auto ready = wait_ready(*host.session, kOne, 20, {{kOne, above_ground(800, 0)}});
+  const auto ready = wait_ready(*host.session, kOne, 100, {{kOne, above_ground(800, 0)}});
   ASSERT_TRUE(ready.is_ok()) << ready.status().message();
   EXPECT_EQ(ready.value().readiness.stage, ReadyStage::kCertified);
   EXPECT_TRUE(ready.value().report.all_certified());
@@ -125,7 +125,7 @@ TEST(WaitReady, KeepsTheComplaintsOfAllUpdates) {
   pose.peer = 77;
   pose.body = "one";
   ASSERT_TRUE(host.channel->deliver(pose).is_ok());
-  const auto ready = wait_ready(*host.session, kOne, 20, {{kOne, above_ground(800, 0)}});
+  const auto ready = wait_ready(*host.session, kOne, 100, {{kOne, above_ground(800, 0)}});
   ASSERT_TRUE(ready.is_ok());
   ASSERT_EQ(ready.value().readiness.stage, ReadyStage::kCertified);
   ASSERT_EQ(ready.value().report.complaints.size(), 1U);

@@ -340,7 +340,7 @@ TEST(Session, SaysThatItsPublisherDoesNotAnswer) {
       is_said = is_said || answer.awaited.find("publisher 00000000000000a1 has not answered") !=
                                std::string::npos;
   };
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(100);
   while (!is_said && std::chrono::steady_clock::now() < deadline)
     world.fly(*session, flight, 1, flight.frames(), 3);
   EXPECT_TRUE(is_said);
@@ -539,7 +539,7 @@ TEST(Session, TellsWhatItHoldsAndHowSureItIs) {
   world.fly(*session, flight);
   const Stopwatch clock;
   const double before_s = session->status().uptime_s;
-  while (session->status().uptime_s == before_s && clock.seconds() < 10)
+  while (session->status().uptime_s == before_s && clock.seconds() < 100)
     static_cast<void>(world.round(*session));
   const wire::ProcessStatus& after = world.bus.statuses.at(kPeer);
   EXPECT_EQ(after.certified_pairs, 3U);

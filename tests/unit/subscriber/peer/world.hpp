@@ -89,7 +89,7 @@ class World {
   bool fly_frame(Session& session, std::uint64_t frame,
                  const std::vector<Session::OwnMotion>& motions, int max_rounds = 0,
                  double budget_s = 1) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(100);
     for (int i = 0; max_rounds == 0 || i < max_rounds; ++i) {
       if (round(session, frame, i == 0 ? motions : std::vector<Session::OwnMotion>{}, budget_s)
               .all_certified())

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <string>
@@ -49,11 +50,12 @@ int sleeping_browser(std::uint16_t port) {
   return socket;
 }
 
-// Else each later message waits for it again, and so does all that `watch` shows.
-TEST(LiveServer, WhoDoesNotReadIsLeft) {
+/// Sends until one has waited for a browser that sleeps. Out: how long the next one takes.
+double seconds_after_a_sleeper() {
   const std::uint16_t port = free_port();
   const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");
-  ASSERT_TRUE(server.is_ok()) << server.status().message();
+  EXPECT_TRUE(server.is_ok()) << server.status().message();
+  if (!server.is_ok()) return 0;
   const int browser = sleeping_browser(port);
   const std::string film(std::size_t{32} << 20, 'x');  // more than any socket keeps
   const auto seconds_of_sending = [&] {
@@ -63,12 +65,24 @@ TEST(LiveServer, WhoDoesNotReadIsLeft) {
     return clock.seconds();
   };
   const Stopwatch waiting;
-  while (seconds_of_sending() < 1) {
-    ASSERT_LT(waiting.seconds(), 60) << "no browser came";
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  bool has_come = false;
+  while (!has_come && waiting.seconds() < 100) {
+    has_come = seconds_of_sending() >= 1;
+    if (!has_come) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  EXPECT_LT(seconds_of_sending(), 1);
+  EXPECT_TRUE(has_come) << "no browser came";
+  const double next_s = seconds_of_sending();
   ::close(browser);
+  return next_s;
+}
+
+// Else each later message waits for it again, and so does all that `watch` shows.
+TEST(LiveServer, WhoDoesNotReadIsLeft) {
+  // A machine that is held up may take as long as a browser that sleeps: not each time.
+  double least_s = 1;
+  for (int i = 0; i < 5 && least_s >= 1 && !HasFailure(); ++i)
+    least_s = std::min(least_s, seconds_after_a_sleeper());
+  EXPECT_LT(least_s, 1);
 }
 
 // A stream that is shorter than before would be read as the rest of what came until then.
@@ -80,7 +94,7 @@ TEST(LiveServer, WhoLooksIsToldThatTheStreamsBeginAnew) {
   std::string came;
   const auto read_until = [&](const std::string& text) {
     const Stopwatch waiting;
-    while (came.find(text) == std::string::npos && waiting.seconds() < 30) {
+    while (came.find(text) == std::string::npos && waiting.seconds() < 100) {
       char bytes[4096];
       const ssize_t count = ::recv(browser, bytes, sizeof bytes, MSG_DONTWAIT);
       if (count > 0) came.append(bytes, static_cast<std::size_t>(count));
@@ -108,15 +122,15 @@ TEST(LiveServer, WhoIsToEndWaitsForNobody) {
   const std::uint16_t port = free_port();
   const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");
   ASSERT_TRUE(server.is_ok()) << server.status().message();
-  const std::array<int, 3> browsers{sleeping_browser(port), sleeping_browser(port),
-                                    sleeping_browser(port)};
+  std::array<int, 8> browsers{};  // as many as are served; for each a second and a half is waited
+  for (int& browser : browsers) browser = sleeping_browser(port);
   std::this_thread::sleep_for(
       std::chrono::seconds(1));  // all have come by then; if not, none is waited for
   const std::string film(std::size_t{32} << 20, 'x');
   const Stopwatch clock;
   server.value()->send([&](const auto& visit) { visit("world", film); }, "{}",
                        [&] { return clock.seconds() > 0.5; });
-  EXPECT_LT(clock.seconds(), 3);
+  EXPECT_LT(clock.seconds(), 8);
   for (const int browser : browsers) ::close(browser);
 }
 
