@@ -115,6 +115,11 @@ CertificateMaker::CertificateMaker(CertificateRequest request,
       told_of_(mirrors_.size()),
       kept_(mirrors_.size()) {}
 
+Status CertificateMaker::note_read(std::size_t model, const Status& read) {
+  if (!read.is_ok()) unreadable_ = request_.models[model].content;
+  return read;
+}
+
 Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                                std::span<const NodeSpan> b) {
   for (const auto& [model, lacking] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
@@ -126,7 +131,7 @@ Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<c
       if (mesh.is_current(node) && !mesh.half_spaces().of(node.first).empty())
         kept_[model].push_back(node);
     const Result<std::vector<VertexId>> done = mirrors_[model]->split(nodes);
-    NEARMESH_RETURN_IF_ERROR(done);
+    NEARMESH_RETURN_IF_ERROR(note_read(model, done.status()));
     splits_[model].insert(splits_[model].end(), done.value().begin(), done.value().end());
     split_count_ += done.value().size();
   }
@@ -149,12 +154,14 @@ Status CertificateMaker::round(std::uint64_t round_tests) {
   const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
   const Motion motion = motion_of(pair);
   const bool is_ahead = step_ == Step::kAhead;
-  const auto requires_of = [](Mirror& mirror) -> Require {
-    return [&file = mirror.file()](NodeSpan node) { return file.require(node); };
+  const auto requires_of = [this](std::size_t model) -> Require {
+    return [this, model, &file = mirrors_[model]->file()](NodeSpan node) {
+      return note_read(model, file.require(node));
+    };
   };
   const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
-                                     margin_m(pair, is_ahead), requires_of(*mirrors_[pair.a]),
-                                     requires_of(*mirrors_[pair.b]), round_tests);
+                                     margin_m(pair, is_ahead), requires_of(pair.a),
+                                     requires_of(pair.b), round_tests);
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
@@ -210,7 +217,7 @@ Status CertificateMaker::spare(std::uint64_t round_tests) {
   for (const std::uint64_t end = tests_ + std::min(kTestsATurn, round_tests);
        !sparer_->is_done() && tests_ < std::min(end, kMaxTests);) {
     const Result<std::uint64_t> tests = sparer_->look();
-    NEARMESH_RETURN_IF_ERROR(tests);
+    NEARMESH_RETURN_IF_ERROR(note_read(at_, tests.status()));
     tests_ += tests.value();
   }
   if (!sparer_->is_done() && tests_ < kMaxTests) return Status::ok();
@@ -286,21 +293,38 @@ CertificateBeginner::CertificateBeginner(std::uint64_t peer, CertificateRequest 
                                          Mirrors& mirrors, FileOf file_of)
     : peer_(peer), request_(std::move(request)), mirrors_(&mirrors), file_of_(std::move(file_of)) {}
 
+namespace {
+
+BegunCertificate not_served(const ContentHash& content, bool is_any_served) {
+  return {.maker = {},
+          .why_not = "content " + to_hex(content) + " is not served here",
+          .content = is_any_served ? content : ContentHash{},
+          .wants_regions = true};
+}
+
+}  // namespace
+
+/// The first is not served: is any?
+std::optional<BegunCertificate> CertificateBeginner::look_for_any() {
+  const bool is_served = file_of_(request_.models[not_served_].content) != nullptr;
+  if (is_served || ++not_served_ == request_.models.size())
+    return not_served(request_.models.front().content, is_served);
+  return std::nullopt;
+}
+
 std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
+  if (not_served_ > 0) return look_for_any();
+  bool has_looked = false;
   while (found_.size() < request_.models.size()) {
     CertificateRequest::Model& model = request_.models[found_.size()];
     if (maker_ == nullptr) {
+      if (std::exchange(has_looked, true)) return std::nullopt;
       const std::shared_ptr<ModelFile> file = file_of_(model.content);
-      if (file == nullptr) {
-        const bool is_any_served =
-            std::any_of(request_.models.begin(), request_.models.end(),
-                        [this](const auto& each) { return file_of_(each.content) != nullptr; });
-        return BegunCertificate{
-            .maker = {},
-            .why_not = "content " + to_hex(model.content) + " is not served here",
-            .content = is_any_served ? model.content : ContentHash{},
-            .wants_regions = true};
+      if (file == nullptr && found_.empty() && request_.models.size() > 1) {
+        not_served_ = 1;
+        return std::nullopt;
       }
+      if (file == nullptr) return not_served(model.content, !found_.empty());
       Mirrors::Found known = mirrors_->find(peer_, file, model.state);
       if (known.mirror) {
         found_.push_back(std::move(known.mirror));
@@ -358,7 +382,9 @@ BegunCertificate CertificateBeginner::begin() {
 
 BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest& request,
                                    Mirrors& mirrors, const CertificateBeginner::FileOf& file_of) {
-  return *CertificateBeginner(peer, request, mirrors, file_of).next(~std::size_t{0});
+  CertificateBeginner beginner(peer, request, mirrors, file_of);
+  for (;;)
+    if (auto begun = beginner.next(~std::size_t{0})) return *std::move(begun);
 }
 
 }  // namespace nearmesh

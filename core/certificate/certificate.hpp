@@ -44,9 +44,12 @@ class CertificateMaker {
   /// them is asked again with four times as many.
   [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
+  /// After an error: the content whose file could not be read, if that was it. The peer is to ask for regions of that one alone.
+  [[nodiscard]] const std::optional<ContentHash>& unreadable() const { return unreadable_; }
 
  private:
   enum class Step : std::uint8_t { kNow, kAhead, kSpare, kSend, kDone };
+  [[nodiscard]] Status note_read(std::size_t model, const Status& read);
   [[nodiscard]] Status round(std::uint64_t round_tests);
   [[nodiscard]] Status spare(std::uint64_t round_tests);
   [[nodiscard]] double margin_m(const CertificateRequest::Pair& pair, bool is_ahead) const;
@@ -66,6 +69,7 @@ class CertificateMaker {
   Step farthest_ = Step::kNow;                     // of what is to be sent next
   bool is_spared_ = false;                         // of that it has been seen what to spare
   std::optional<SplitSparer> sparer_;
+  std::optional<ContentHash> unreadable_;
   std::size_t at_ = 0;  // the pair, or the model that is sent
 };
 
@@ -87,13 +91,17 @@ class CertificateBeginner {
   CertificateBeginner(std::uint64_t peer, CertificateRequest request, Mirrors& mirrors,
                       FileOf file_of);
 
-  /// Does so many of the nodes that are told (MirrorMaker::next()). Out: none while there are more.
+  /// Looks for one file at most, since a tile that has to be opened takes as long as a turn, and does so many of the nodes that are told
+  /// (MirrorMaker::next()). Out: none while there are more.
   [[nodiscard]] std::optional<BegunCertificate> next(std::size_t nodes);
   /// So many were looked at, true or not.
   [[nodiscard]] std::size_t told_nodes() const { return told_nodes_; }
+  /// A mirror is half made.
+  [[nodiscard]] bool is_making() const { return maker_ != nullptr; }
 
  private:
   [[nodiscard]] BegunCertificate begin();
+  [[nodiscard]] std::optional<BegunCertificate> look_for_any();
 
   std::uint64_t peer_;
   CertificateRequest request_;
@@ -102,6 +110,7 @@ class CertificateBeginner {
   std::vector<std::shared_ptr<Mirror>> found_;  // of the request's models, in their order
   std::unique_ptr<MirrorMaker> maker_;          // of the one after these
   bool is_waking_ = false;                      // it makes what slept
+  std::size_t not_served_ = 0;                  // so many of the first are not, and none is found
   std::size_t told_nodes_ = 0;
 };
 

@@ -20,12 +20,15 @@ class WorldSource {
   [[nodiscard]] bool has(const ContentHash& content) const;
   /// A page, or a tile's header, in pieces (content_bytes.hpp). Errors: kNotFound; kIo, kCorrupt, kConflict, naming the file.
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> pieces(const ContentHash& content);
-  /// Errors: those of OpenTiles::open().
-  [[nodiscard]] Result<std::shared_ptr<ModelFile>> tile(const ContentHash& content) {
-    return tiles_.open(content);
+  /// `let_go`: is called for each tile that would be closed by now if nobody held it (OpenTiles::held()); who has no work for it is to let
+  /// go. Errors: those of OpenTiles::open().
+  template <class LetGo>
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> tile(const ContentHash& content,
+                                                        const LetGo& let_go) {
+    auto tile = tiles_.open(content);
+    for (const ContentHash& held : tiles_.held()) let_go(held);
+    return tile;
   }
-  /// Those that whoever has no work for them is to let go of (OpenTiles::held()).
-  [[nodiscard]] std::vector<ContentHash> held_tiles() const { return tiles_.held(); }
 
  private:
   explicit WorldSource(WorldFolder folder) : folder_(std::move(folder)), tiles_(folder_) {}

@@ -149,9 +149,7 @@ std::shared_ptr<ModelFile> Service::file_of(const ContentHash& content) {
 /// What has to be closed for it is not kept open by mirrors.
 Result<std::shared_ptr<ModelFile>> Service::open_tile(WorldSource& world,
                                                       const ContentHash& content) {
-  auto tile = world.tile(content);
-  for (const ContentHash& held : world.held_tiles()) mirrors_.sleep(held);
-  return tile;
+  return world.tile(content, [this](const ContentHash& held) { mirrors_.sleep(held); });
 }
 
 Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSubscription& asked) {
@@ -392,13 +390,16 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
       std::optional<BegunCertificate> begun = its->beginner.next(kToldATurn);
       peer.told_s = std::max(peer.told_s, now_s_) +
                     kToldNode_s * static_cast<double>(its->beginner.told_nodes() - told_before);
-      if (!begun) return Part{.is_of_mirror = true};
+      if (!begun) return Part{.is_of_mirror = its->beginner.is_making()};
       if (!begun->maker)
         return Part{.instead = wire::redirection_message(session_, asked, begun->why_not,
                                                          begun->content, begun->wants_regions)};
       its->maker = std::move(begun->maker);
     }
     auto made = its->maker->next();
+    if (!made.is_ok() && its->maker->unreadable())
+      return Part{.instead = wire::redirection_message(session_, asked, made.status().message(),
+                                                       *its->maker->unreadable(), true)};
     NEARMESH_RETURN_IF_ERROR(made);
     return Part{made.value().content, std::move(made.value().batches), its->maker->is_done()};
   });

@@ -121,6 +121,7 @@ Channel::Inbox DdsChannel::Impl::take() {
     for (DdsHeaders::Counted& header : std::exchange(counted_headers_, {}))
       taken.headers.push_back(std::move(header.header));
     waiting_header_bytes_ = 0;
+    waiting_batches_.clear();
     overflowed_.clear();
   }
   taken.complaints = mailbox_.take_complaints();

@@ -132,6 +132,7 @@ class DdsChannel::Impl {
   template <class Message>
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
+  void deliver_batch(wire::SplitBatchMessage&& batch);
   void deliver_header(DdsHeaders::Counted&& header);
   void receive_headers();
   [[nodiscard]] bool is_of_its_publisher(const wire::SplitBatchMessage& batch,
@@ -172,6 +173,8 @@ class DdsChannel::Impl {
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
+  std::map<SessionId, std::size_t>
+      waiting_batches_;  ///< in the inbox; by who was asked, 0: of all others
   LruMap<SessionId, PoseCounts> tally_{kMaxWaitingOthers};  ///< what was heard of those heard last
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;

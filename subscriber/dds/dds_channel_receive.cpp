@@ -33,8 +33,7 @@ bool DdsChannel::Impl::receive() {
       kMaxTaken, [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
         if (!is_of_its_publisher(batch, writer)) return;
         note_batch(batch);
-        deliver(&Inbox::batches, std::move(batch), kMaxWaitingBatches,
-                names_.of<wire::SplitBatchMessage>());
+        deliver_batch(std::move(batch));
       });
   more |= receive_poses();
   hellos_.complain_of_silence();
@@ -229,6 +228,20 @@ void DdsChannel::Impl::deliver(std::vector<Message> Inbox::*list, Message&& mess
     }
   }
   complain_of_overflow(topic);
+}
+
+/// Of each publisher that was asked for something so many, of all others together as many: none takes another's place.
+void DdsChannel::Impl::deliver_batch(wire::SplitBatchMessage&& batch) {
+  {
+    const std::lock_guard lock(mutex_);
+    const SessionId share = accounts_.contains(batch.publisher) ? batch.publisher : 0;
+    if (waiting_batches_[share] < kMaxWaitingBatches) {
+      ++waiting_batches_[share];
+      inbox_.batches.push_back(std::move(batch));
+      return;
+    }
+  }
+  complain_of_overflow(names_.of<wire::SplitBatchMessage>());
 }
 
 void DdsChannel::Impl::deliver_header(DdsHeaders::Counted&& header) {

@@ -112,9 +112,7 @@ std::shared_ptr<ModelFile> LocalChannel::file_of(const ContentHash& content) con
 /// What has to be closed for it is not kept open by mirrors.
 Result<std::shared_ptr<ModelFile>> LocalChannel::open_tile(WorldSource& world,
                                                            const ContentHash& content) const {
-  auto tile = world.tile(content);
-  for (const ContentHash& held : world.held_tiles()) mirrors_->sleep(held);
-  return tile;
+  return world.tile(content, [this](const ContentHash& held) { mirrors_->sleep(held); });
 }
 
 Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
@@ -234,7 +232,11 @@ void LocalChannel::go_on() {
     const std::uint64_t tests = pace_->tests_within(allowed_s_ - begun_s);
     Result<CertificateMaker::Part> part = begun_->maker.next(tests);
     if (!part.is_ok()) {
-      deliver({wire::refusal_message(kPublisher, begun_->subscription, part.status().message())});
+      const std::string& why = part.status().message();
+      const auto& unreadable = begun_->maker.unreadable();
+      deliver({unreadable ? wire::redirection_message(kPublisher, begun_->subscription, why,
+                                                      *unreadable, true)
+                          : wire::refusal_message(kPublisher, begun_->subscription, why)});
       begun_.reset();
       return;
     }

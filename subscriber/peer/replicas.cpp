@@ -80,10 +80,12 @@ void ReplicaSet::note_unread(const wire::SplitBatchMessage& message) {
 }
 
 void ReplicaSet::note_given_up() {
-  for (auto& [name, model] : models_)
-    if (model.is_ready() &&
-        std::exchange(model.noted_give_ups, model.replica->give_ups()) != model.replica->give_ups())
+  for (auto& [name, model] : models_) {
+    if (!model.is_ready()) continue;
+    const std::uint32_t before = std::exchange(model.noted_give_ups, model.replica->give_ups());
+    if (std::exchange(model.lacks_batches, false) || before != model.noted_give_ups)
       model.era = ++last_era_;
+  }
 }
 
 std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
@@ -261,8 +263,7 @@ void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken&
 bool ReplicaSet::apply_one(FrameReport& report) {
   for (auto& [name, model] : models_) {
     if (!model.is_ready() || model.waiting.empty()) continue;
-    PeerModel::Batch batch = std::move(model.waiting.front());
-    model.waiting.pop_front();
+    WaitingBatches::Batch batch = model.waiting.take();
     const bool is_cached = batch.publisher == kFromCache;
     const Replica::Taken taken = is_cached ? model.replica->take_kept(batch.bytes)
                                            : model.replica->take(batch.bytes, batch.publisher);
@@ -298,7 +299,7 @@ void ReplicaSet::read_caches(std::vector<std::string>& complaints) {
       complaints.push_back("model " + name + ": the cache is not used: " + read.status().message());
     } else if (read.value()) {
       for (std::vector<std::uint8_t>& batch : *read.value())
-        model.waiting.push_back({kFromCache, std::move(batch)});
+        static_cast<void>(model.waiting.add({kFromCache, std::move(batch)}));
     }
   }
 }

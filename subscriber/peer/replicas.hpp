@@ -29,6 +29,50 @@ inline constexpr std::size_t kMaxRefusedContents = 4096;
 /// Of replicas that are gone: who is not asked for a content again.
 inline constexpr std::size_t kMaxDistrusted = 4096;
 
+struct AskedRequest {
+  std::uint32_t request = 0;      ///< 0: none is open
+  wire::SessionId publisher = 0;  ///< that was asked
+
+  /// Anybody may write any number: it counts from who was asked.
+  [[nodiscard]] bool is_answered_by(const wire::SplitBatchMessage& message) const {
+    return request != 0 && request == message.request && publisher == message.publisher;
+  }
+};
+
+/// Encoded batches of a model that wait to be taken in, in order of arrival.
+class WaitingBatches {
+ public:
+  struct Batch {
+    wire::SessionId publisher = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+  /// Of each publisher; some 20 MB. One that answers what it is asked sends far fewer.
+  static constexpr std::size_t kMostOfOne = 16'384;
+
+  /// Out: false where as many of its publisher wait: it takes no other's place.
+  [[nodiscard]] bool add(Batch&& batch) {
+    std::size_t& its = count_of_[batch.publisher];
+    if (its == kMostOfOne) return false;
+    ++its;
+    batches_.push_back(std::move(batch));
+    return true;
+  }
+  /// The oldest. Precondition: one waits.
+  [[nodiscard]] Batch take() {
+    Batch batch = std::move(batches_.front());
+    batches_.pop_front();
+    const auto its = count_of_.find(batch.publisher);
+    if (--its->second == 0) count_of_.erase(its);
+    return batch;
+  }
+  [[nodiscard]] bool empty() const { return batches_.empty(); }
+  [[nodiscard]] std::size_t size() const { return batches_.size(); }
+
+ private:
+  std::deque<Batch> batches_;
+  std::map<wire::SessionId, std::size_t> count_of_;  // by publisher; none is 0
+};
+
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
@@ -49,11 +93,8 @@ struct PeerModel {
   bool is_tile = false;    // of a world, and no name on the bus
   std::string of_world;    // that world's name
   Channel::Header header;  // of the replica: nobody sends it again
-  struct Batch {
-    wire::SessionId publisher = 0;
-    std::vector<std::uint8_t> bytes;
-  };
-  std::deque<Batch> waiting;          // encoded batches, in order of arrival
+  WaitingBatches waiting;
+  bool lacks_batches = false;         // some did not find a place, that recorders count as taken in
   std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
   /// The publisher that was told last where bodies of this model are: it knows what is held, unless something came or went since
   /// that it did not choose. Then it is told with the next request, if that is not too much.
@@ -71,17 +112,11 @@ struct PeerModel {
     double kept_until_s = 0;
   } probed;
 
-  struct Audit {
-    std::uint32_t request = 0;  // 0: none is open
-    wire::SessionId publisher = 0;
+  struct Audit : AskedRequest {
     NodeSpan node;  // that it is about: another block proves nothing of it
     double sent_s = 0, due_s = 0;
     bool is_answered = false, is_proved = false;
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
-
-    [[nodiscard]] bool is_answered_by(const wire::SplitBatchMessage& message) const {
-      return request != 0 && request == message.request && publisher == message.publisher;
-    }
   } audit;
 
   std::uint64_t left = 0;  ///< in this turn the last body that had it went; 0: bodies have it
@@ -146,7 +181,7 @@ class ReplicaSet {
   [[nodiscard]] std::uint64_t refused_count() const { return refused_count_; }
   /// A batch of a content that is not here. What answers an audit of it that was open when it went proves nothing, and refutes nothing.
   void note_unread(const wire::SplitBatchMessage& message);
-  /// Begins an era of each model of which detail was given up since the last call.
+  /// Begins an era of each model of which detail was given up since the last call, or batches found no place.
   void note_given_up();
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);

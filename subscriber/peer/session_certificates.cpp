@@ -190,8 +190,17 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     if (at == models.end()) models.push_back(model);
     return place;
   };
+  std::vector<Pair*>
+      taken;  // of those behind one that has no place any more who needs no other model
   for (Pair* pair : asked) {
-    if (certificate.pairs.size() == kMaxAskedPairs || models.size() + 2 > kMaxAskedModels) break;
+    if (taken.size() == kMaxAskedPairs) break;
+    const auto is_new = [&models](const Body& body) {
+      return std::find(models.begin(), models.end(), body.model) == models.end();
+    };
+    const int more =
+        (is_new(*pair->a) ? 1 : 0) + (is_new(*pair->b) && pair->a->model != pair->b->model ? 1 : 0);
+    if (models.size() + static_cast<std::size_t>(more) > kMaxAskedModels) continue;
+    taken.push_back(pair);
     CertificateRequest::Pair& said = certificate.pairs.emplace_back(
         relative(motion_of_model(*pair->a), motion_of_model(*pair->b)));
     said.a = place_of(pair->a->model);
@@ -220,13 +229,12 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     model->told = id;
     model->tells_held = false;
   }
-  const std::size_t count = certificate.pairs.size();
   send_request(publisher, priority, {.certificate = std::move(certificate)});
   ++stats.requests;
   for (PeerModel* model : models)
     open_request(model->content_hash, publisher,
                  {.priority = priority, .is_certificate = true, .has_told_held = has_told_held});
-  for (Pair* pair : asked.first(count)) {
+  for (Pair* pair : taken) {
     const Pair::Asked last = pair->asked;
     pair->asked = {.request = last_request, .states = states_of(*pair)};
     if (last.states == pair->asked.states)

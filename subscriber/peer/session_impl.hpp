@@ -29,6 +29,7 @@
 #include "core/world/held_probe.hpp"
 #include "core/world/tile_sum.hpp"
 #include "frame_budget.hpp"
+#include "idl/messages/asked_publishers.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -104,21 +105,14 @@ struct Body {
 // A request that was sent and not yet answered in full.
 inline constexpr std::uint8_t kNeededNow = 0, kHorizon = 1;  // priorities of requests
 
-struct Outstanding {
-  std::uint32_t request = 0;
+struct Outstanding : AskedRequest {
   std::uint8_t priority = 0;
   double heard_s = 0;             // when it was sent, or its last batch came
   double patience_s = 0;          // silence after which it counts as lost
-  wire::SessionId publisher = 0;  // that was asked
   bool is_certificate = false;    // bodies were told, no region
   bool has_told_held = false;     // and what is held of all models
   bool is_counted = false;        // as lost
   std::uint32_t lost_before = 0;  // of the same content in a row, whoever was asked
-
-  /// Anybody may write any number: it counts from who was asked.
-  [[nodiscard]] bool is_answered_by(const wire::SplitBatchMessage& message) const {
-    return request == message.request && publisher == message.publisher;
-  }
 };
 
 struct Publisher {
@@ -163,6 +157,9 @@ struct Publisher {
 
 /// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.
 inline constexpr double kUnused_s = 10;
+
+/// Of contents, and who was asked for them, these many that were asked for last: of others nothing is on its way any more.
+inline constexpr std::size_t kMaxAskedAbout = 4096;
 
 /// PairAnswer::reason of a pair that is put off. Short, since there may be thousands in a frame.
 inline constexpr const char* kOutOfBudget = "out of budget";
@@ -316,8 +313,9 @@ struct Session::Impl {
   std::map<wire::SessionId, ToldWish> told_wishes;  // by mover
 
   std::map<wire::SessionId, Publisher> publishers;
-  std::map<wire::SessionId, std::uint32_t>
-      last_sequence;             // of batches, by publisher; also of those that are gone
+  wire::AskedPublishers asked_publishers;  // also those that are gone
+  LruMap<std::pair<ContentHash, wire::SessionId>, std::monostate> asked_about{
+      kMaxAskedAbout};           // who was asked for which content
   std::uint32_t recorders = 0;   // that came
   bool has_news = false;         // of publishers or bodies: what names stand for may change
   std::size_t begun_epochs = 0;  // of what publishers serve
@@ -340,6 +338,7 @@ struct Session::Impl {
   std::vector<wire::BodyPose> heard_by_host;  // since the last update
   bool is_dropping = false;                   // batches, in this update
   std::set<wire::SessionId> refused_of;       // who sent headers that do not count, as was said
+  std::set<wire::SessionId> unasked_of;  // who sent batches that it was not asked for, as was said
   SessionStats stats;
   Stopwatch clock;
   Random audits{0};  // which block is next
@@ -514,7 +513,6 @@ struct Session::Impl {
   void ask_for_probes();
   void give_up(const FrameBudget& budget, FrameReport& report);
   void tell_held(FrameReport& report);
-  void note_sequence(const wire::SplitBatchMessage& message);
   void ask(const FrameBudget& budget, FrameReport& report);
   void ask_certificates(const FrameBudget& budget, const FrameReport& report);
   enum class Need : std::uint8_t {

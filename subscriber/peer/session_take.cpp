@@ -13,8 +13,6 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Of one model; some 20 MB. A publisher that keeps to the window sends far fewer; what is dropped is asked for again.
-constexpr std::size_t kMaxWaitingBatches = 16384;
 constexpr std::size_t kMaxRefusedOf = 256;
 
 }  // namespace
@@ -298,7 +296,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
       stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
     publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
   }
-  note_sequence(message);
+  asked_publishers.hear(message);
   ++stats.batches;
   stats.batch_bytes += message.bytes.size();
   if (message.wants_held || message.wants_regions) {
@@ -336,14 +334,24 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   }
   if (message.last) close_request(message);
   if (model == nullptr || message.bytes.empty()) return;
-  model->tells_held |= !is_chosen && !is_audit_piece(message.bytes);
-  if (model->waiting.size() < kMaxWaitingBatches) {
-    model->waiting.push_back({message.publisher, std::move(message.bytes)});
-  } else if (!std::exchange(is_dropping, true)) {
-    report.complaints.push_back("model " + model->name + ": more than " +
-                                std::to_string(kMaxWaitingBatches) +
-                                " batches wait to be applied; further ones are dropped");
+  if (asked_about.find({message.content_hash, message.publisher}) == nullptr) {
+    model->lacks_batches |=
+        asked_publishers.has(message.publisher);  // of others recorders count none
+    if (unasked_of.size() < kMaxRefusedOf && unasked_of.insert(message.publisher).second)
+      report.complaints.push_back("model " + model->name + ": publisher " +
+                                  to_hex(message.publisher) +
+                                  " sends detail that it was not asked for; it is dropped, this is "
+                                  "said once");
+    return;
   }
+  model->tells_held |= !is_chosen && !is_audit_piece(message.bytes);
+  if (model->waiting.add({message.publisher, std::move(message.bytes)})) return;
+  model->lacks_batches = true;
+  if (!std::exchange(is_dropping, true))
+    report.complaints.push_back("model " + model->name + ": more than " +
+                                std::to_string(WaitingBatches::kMostOfOne) +
+                                " batches of publisher " + to_hex(message.publisher) +
+                                " wait to be applied; further ones are dropped");
 }
 
 void Session::Impl::close_request(const wire::SplitBatchMessage& message) {
@@ -373,16 +381,6 @@ void Session::Impl::take_redirection(const wire::SplitBatchMessage& message) {
       publisher->second.by_region.insert(at->first);
     at = outstanding.erase(at);
   }
-}
-
-/// The last, not the highest: a publisher that lost us for a while counts from 1 again.
-void Session::Impl::note_sequence(const wire::SplitBatchMessage& message) {
-  last_sequence[message.publisher] = message.sequence;
-  if (last_sequence.size() > wire::kMaxHeardPublishers)
-    std::erase_if(last_sequence, [&](const auto& heard) {
-      return heard.first != message.publisher && !publishers.contains(heard.first);
-    });
-  if (last_sequence.size() > wire::kMaxHeardPublishers) last_sequence.erase(last_sequence.begin());
 }
 
 }  // namespace nearmesh::subscriber

@@ -38,9 +38,8 @@ void Session::Impl::tell_held(FrameReport& report) {
                              .last_request = last_request,
                              .state_digest = model.replica->mesh().state_hash(),
                              .box_digest = held.box_digest,
+                             .heard = asked_publishers.heard(),
                              .nodes = std::move(held.bits)};
-    for (const auto& [publisher, sequence] : last_sequence)
-      message.heard.push_back({publisher, sequence});
     channel->tell_held(message);
   }
 }

@@ -33,6 +33,9 @@ class Hands {
       if (!batch.is_ok()) return;
       if (batch.value().is_piece) sources_.take_piece(batch.value());
       peer->take(std::move(batch).value());
+    } else if (const auto asked = samples_.read<wire::RegionSubscription>(message)) {
+      RecordedPeer* peer = peer_of(wire::partition_of(asked->peer));
+      if (peer != nullptr) peer->take(*asked);
     } else if (auto held = samples_.read<wire::HeldDetail>(message)) {
       RecordedPeer* peer = peer_of(wire::partition_of(held->peer));
       if (peer != nullptr) peer->take(std::move(*held));

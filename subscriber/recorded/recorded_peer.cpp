@@ -10,7 +10,7 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Batches and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
+/// Batches, requests and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
 /// so many rounds, are enough for the one to be found in the other.
 constexpr std::size_t kLatest = 1024;
 constexpr std::size_t kMaxComplaints = 16;
@@ -39,8 +39,8 @@ void RecordedPeer::Stretch::follow(const Batch& batch, const ContentHash& conten
 bool RecordedPeer::Stretch::has_heard(const wire::HeldDetail& told) const {
   return numbers.whole && std::all_of(told.heard.begin(), told.heard.end(), [&](const auto& last) {
            const auto at = numbers.heard.find(last.publisher);
-           return at != numbers.heard.end() &&
-                  (at->second.sequence >= last.sequence || at->second.request > told.last_request);
+           if (at == numbers.heard.end()) return last.sequence == 0;
+           return at->second.sequence >= last.sequence || at->second.request > told.last_request;
          });
 }
 
@@ -62,14 +62,40 @@ void RecordedPeer::drop_followed(Stream& stream) {
   }
 }
 
+/// What it sent before the request may have been recorded before it, too.
+void RecordedPeer::note_asked(wire::SessionId publisher, std::uint32_t since_request) {
+  if (!asked_.note(publisher)) return;
+  for (Batch& batch : std::exchange(unasked_, {})) {
+    if (batch.publisher != publisher) {
+      unasked_.push_back(std::move(batch));
+    } else if (batch.request >= since_request) {
+      follow(std::move(batch));
+    }
+  }
+}
+
+void RecordedPeer::take(const wire::RegionSubscription& asked) {
+  note_asked(asked.publisher, asked.request);
+}
+
 void RecordedPeer::take(wire::SplitBatchMessage&& message) {
+  asked_.hear(message);
   Batch batch{message.publisher, message.sequence, message.request, message.content_hash, nullptr};
   // Else the peer does not take it in either.
   if (!message.refused && !message.is_piece && !message.bytes.empty()) {
     ++batches_;
     batch.bytes = std::make_shared<const std::vector<std::uint8_t>>(std::move(message.bytes));
-    stream_of(batch.content_hash);
   }
+  if (asked_.has(batch.publisher)) {
+    follow(std::move(batch));
+    return;
+  }
+  unasked_.push_back(std::move(batch));
+  if (unasked_.size() > kLatest) unasked_.pop_front();
+}
+
+void RecordedPeer::follow(Batch&& batch) {
+  if (batch.bytes != nullptr) stream_of(batch.content_hash);
   for (auto& [content_hash, stream] : streams_) {
     for (Stretch& stretch : stream) stretch.follow(batch, content_hash);
     drop_followed(stream);
@@ -80,6 +106,7 @@ void RecordedPeer::take(wire::SplitBatchMessage&& message) {
 }
 
 void RecordedPeer::take(wire::HeldDetail&& held) {
+  for (const wire::HeldDetail::Heard& heard : held.heard) note_asked(heard.publisher, 0);
   Stream& stream = stream_of(held.content_hash);
   if (held.era < stream.back().era) return;
   if (held.era == stream.back().era && stream.back().end() >= held.applied_batches &&

@@ -18,6 +18,7 @@
 #include "core/world/content_bytes.hpp"
 #include "core/world/tile_sum.hpp"
 #include "detail_folder.hpp"
+#include "idl/messages/asked_publishers.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -77,6 +78,7 @@ class RecordedPeer {
   RecordedPeer& operator=(const RecordedPeer&) = delete;
   virtual ~RecordedPeer() = default;
 
+  void take(const wire::RegionSubscription& asked);
   void take(wire::SplitBatchMessage&& batch);
   void take(wire::HeldDetail&& held);
   void take(RecordedReport&& report) { reports_.push_back(std::move(report)); }
@@ -177,6 +179,8 @@ class RecordedPeer {
     std::uint32_t applied_batches = 0, era = 0;
   };
 
+  void note_asked(wire::SessionId publisher, std::uint32_t since_request);
+  void follow(Batch&& batch);
   Stream& stream_of(const ContentHash& content_hash);
   static void drop_followed(Stream& stream);
   [[nodiscard]] Standing look(const wire::ContactReport& report, const ModelSources& sources,
@@ -201,7 +205,9 @@ class RecordedPeer {
   std::int64_t waits_ = 0;  // the first report's message; and for so many rounds
   int waited_rounds_ = 0;
   Numbers from_start_;
-  std::deque<Batch> latest_;  // that may have come before what was said to be held then
+  wire::AskedPublishers asked_;
+  std::deque<Batch> unasked_;  // the last of who was not asked, by all that was recorded so far
+  std::deque<Batch> latest_;   // that may have come before what was said to be held then
   std::deque<RecordedReport> reports_;
   std::map<ContentHash, WantedModel> wanted_;
   std::vector<std::string> complaints_;

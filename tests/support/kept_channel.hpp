@@ -20,7 +20,7 @@ struct KeptSample {
   wire::SessionId by = 0;  ///< the participant
   std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::NearPoses,
                wire::BodyPromises, wire::WatchedBodies, wire::BoundsReport, wire::ContactReport,
-               wire::HeldDetail>
+               wire::HeldDetail, wire::RegionSubscription>
       message;
   wire::SplitBatchMessage
       batch{};  ///< instead, where it is for a peer; it may have no bytes, but it has a number
@@ -44,7 +44,7 @@ class KeptChannel final : public subscriber::Channel {
   KeptChannel(std::unique_ptr<subscriber::Channel> inner, KeptSamples& kept)
       : inner_(std::move(inner)), kept_(kept) {}
   wire::SessionId own_id() const override { return inner_->own_id(); }
-  void send(const wire::RegionSubscription& message) override { inner_->send(message); }
+  void send(const wire::RegionSubscription& message) override { pass(message); }
   void send(const wire::BodyPoses& message) override { pass(message); }
   void send(const wire::BodyDirectory& message) override { pass(message); }
   void promise(const wire::BodyPromises& message) override {

@@ -50,14 +50,21 @@ struct Desk {
   }
   CertificateBeginner beginner(const CertificateRequest& request) {
     EXPECT_TRUE(check_request(request).is_ok());
-    return {kPeer, request, mirrors, [this](const ContentHash& content) {
-              return content == file_a.content_hash()   ? test::lent(file_a)
-                     : content == file_b.content_hash() ? test::lent(file_b)
-                                                        : nullptr;
-            }};
+    return {kPeer, request, mirrors, file_of()};
   }
+  /// Counts its calls.
+  CertificateBeginner::FileOf file_of() {
+    return [this](const ContentHash& content) {
+      ++looks;
+      return content == file_a.content_hash()   ? test::lent(file_a)
+             : content == file_b.content_hash() ? test::lent(file_b)
+                                                : nullptr;
+    };
+  }
+  std::size_t looks = 0;
   BegunCertificate begin(const CertificateRequest& request) {
-    return *beginner(request).next(~std::size_t{0});
+    EXPECT_TRUE(check_request(request).is_ok());
+    return begin_certificate(kPeer, request, mirrors, file_of());
   }
   /// All that is sent, taken in. Out: how many batches.
   std::size_t answer(CertificateMaker& maker, std::uint64_t round_tests = kLookTests) {
@@ -384,6 +391,46 @@ TEST(CertificateRequests, MirrorsAreMadeInParts) {
             nullptr);
   EXPECT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_b), request.models[1].state).mirror,
             nullptr);
+}
+
+// A tile that has to be opened takes as long as a turn: others are served between two of them.
+TEST(CertificateRequests, OneFileIsLookedForATurn) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
+  Desk desk(terrain, aircraft);
+  const CertificateRequest known = desk.ask({}, {}, 0);
+  const ContentHash elsewhere{0, 7};
+  const auto with = [&](std::initializer_list<ContentHash> contents) {
+    CertificateRequest request = known;
+    for (const ContentHash& content : contents) {
+      const bool is_there = content != elsewhere;
+      request.models.push_back(is_there ? known.models[content == known.models[1].content]
+                                        : CertificateRequest::Model{content, 0, {}});
+    }
+    request.models.erase(request.models.begin(), request.models.begin() + 2);
+    return request;
+  };
+  const ContentHash a = known.models[0].content, b = known.models[1].content;
+  struct Case {
+    CertificateRequest request;
+    std::size_t looks;
+    bool is_begun;
+    ContentHash not_of;
+  };
+  for (const Case& its : {Case{known, 2, true, {}}, Case{with({a, elsewhere}), 2, false, elsewhere},
+                          Case{with({elsewhere, b}), 2, false, elsewhere},
+                          Case{with({elsewhere, elsewhere}), 2, false, {}}}) {
+    CertificateBeginner beginner(kPeer, its.request, desk.mirrors, desk.file_of());
+    desk.looks = 0;
+    std::optional<BegunCertificate> begun;
+    for (std::size_t turns = 1; !begun; ++turns) {
+      begun = beginner.next(1000);
+      ASSERT_LE(desk.looks, turns);
+    }
+    EXPECT_EQ(desk.looks, its.looks);
+    EXPECT_EQ(begun->maker.has_value(), its.is_begun) << begun->why_not;
+    EXPECT_EQ(begun->content, its.not_of);
+    EXPECT_EQ(begun->wants_regions, !its.is_begun);
+  }
 }
 
 // A tile of a world is closed as long as its mirrors sleep, and is opened again for one that wakes.

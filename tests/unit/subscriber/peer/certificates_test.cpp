@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a session has a publisher choose what certifies its answers, and what it does where that publisher cannot.
+#include "core/certificate/mirror.hpp"
+#include "core/certificate/spare_splits.hpp"
 #include "core/demand/answer.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
+#include "subscriber/peer/detail_cache.hpp"
+#include "tests/support/folder.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
@@ -59,6 +64,42 @@ TEST(Certificates, OneRequestCertifiesAllPairsOfAFrame) {
   EXPECT_EQ(desk.asked_regions(), 0U);
 }
 
+// A request has room for 16 models. Of 30 that lie in a heap, the pairs behind the first that has no place may need no other.
+TEST(Certificates, PairsWhoseModelsAreAskedForGoAlong) {
+  constexpr std::size_t kBodies = 30;
+  test::MemoryBus bus;
+  const auto channel = bus.make_publisher(kPublisher);
+  publisher::Service service(*channel, kPublisher);
+  std::vector<std::unique_ptr<test::TempFile>> files;
+  subscriber::Session session(bus.make_peer(test::kPeer), {.request_timeout_s = 3600});
+  std::vector<subscriber::Session::OwnMotion> motions;
+  Random random(5);
+  for (std::size_t i = 0; i < kBodies; ++i) {
+    const std::string name = "ball" + std::to_string(i);
+    IndexedMesh ball = generate_sphere(12, 1);
+    for (auto& position_m : ball.positions_m) position_m[2] *= 1 + 0.01 * static_cast<double>(i);
+    files.push_back(test::write_model(test::bake_mesh(ball, 16)));
+    ASSERT_TRUE(service.add_model(name, ModelFile::open(files.back()->path()).value()).is_ok());
+    auto& [body, motion] = motions.emplace_back();
+    body = session.add_body({.name = name, .model = name, .own = true}).value();
+    for (double& x : motion.pose.translation_m) x = random.between(-3, 3);
+  }
+  service.announce();
+  session.watch_all();
+  bool is_certified = false;
+  for (std::uint64_t i = 0; i < 400 && !is_certified; ++i) {
+    bus.tick();
+    service.step(static_cast<double>(i) * 0.05);
+    const auto report = session.update(i, 0, motions, 10);
+    ASSERT_TRUE(report.is_ok()) << report.status().message();
+    is_certified = report.value().all_certified();
+  }
+  EXPECT_TRUE(is_certified);
+  const auto requests = std::count_if(bus.subscriptions.begin(), bus.subscriptions.end(),
+                                      [](const auto& asked) { return asked.request > 0; });
+  EXPECT_LE(requests, 5) << "with those up to the first that has no place alone it takes 7";
+}
+
 TEST(Certificates, NothingIsToldThatThePublisherKnows) {
   Desk desk;
   desk.world.start_publisher();
@@ -95,6 +136,56 @@ TEST(Certificates, AnotherPublisherIsToldAtOnce) {
   EXPECT_EQ(desk.world.fly(*session, flight, 20, 40), 20U);
   EXPECT_EQ(desk.told_held(), 1U);
   EXPECT_EQ(desk.wants_held, 0U);
+}
+
+// A publisher refuses a longer word, so it is not told.
+TEST(Certificates, WhoHoldsMoreThanPublishersListenToNamesWhatItLacks) {
+  const BakedModel ground = test::bake_mesh(generate_terrain(520, 7), 64);
+  const auto file = test::write_model(ground);
+  const ContentHash content = ModelFile::open(file->path()).value().content_hash();
+  // All but one of the last splits is held, out of a cache, and one body is where that is.
+  std::vector<VertexId> held = test::all_splits(ground.store);
+  const auto last = std::find_if(held.rbegin(), held.rend(), [&](VertexId split) {
+    return ground.store.node_of(split).size == 2;
+  });
+  ASSERT_NE(last, held.rend());
+  Motion there;
+  there.pose.translation_m = test::position_m(ground.header, ground.store, *last);
+  held.erase(std::next(last).base());
+  ASSERT_GT(held.size(), MirrorMaker::kMostHeld);
+  std::sort(held.begin(), held.end());
+  subscriber::Batches batches = encode_batches(
+      ground.header, ground.store, treelet_of(ground.store, held), BoxPolicy::kCutNodes);
+  for (std::vector<std::uint8_t>& batch : batches) seal_batch(content, batch);
+  const test::Folder folder;
+  ASSERT_TRUE(subscriber::write_cached(folder.path(), content, batches).is_ok());
+
+  test::MemoryBus bus;
+  const auto channel = bus.make_publisher(kPublisher);
+  publisher::Service service(*channel, kPublisher);
+  ASSERT_TRUE(service.add_model("ground", ModelFile::open(file->path()).value()).is_ok());
+  ASSERT_TRUE(service.add_model("aircraft", test::aircraft().open()).is_ok());
+  service.announce();
+  subscriber::Session session(bus.make_peer(test::kPeer), {.cache_folder = folder.path()});
+  const auto at = session.add_body({.name = "ground", .model = "ground"}).value(),
+             own = session.add_body({.name = "own", .model = "aircraft", .own = true}).value();
+  ASSERT_TRUE(session.place_body(at, {}).is_ok());
+  ASSERT_TRUE(session.watch(at, own).is_ok());
+  bool is_certified = false;
+  for (std::uint64_t i = 0; i < 100 && !is_certified; ++i) {
+    bus.tick();
+    service.step(static_cast<double>(i) * 0.05);
+    const auto report = session.update(i, 0, {{own, there}}, 10);
+    ASSERT_TRUE(report.is_ok()) << report.status().message();
+    is_certified = report.value().all_certified();
+  }
+  EXPECT_TRUE(is_certified);
+  std::size_t regions = 0;
+  for (const wire::RegionSubscription& asked : bus.subscriptions) {
+    EXPECT_FALSE(asked.certificate) << "request " << asked.request;
+    regions += asked.request > 0 ? 1 : 0;
+  }
+  EXPECT_GT(regions, 0U);
 }
 
 // Half-spaces are held, too, and a state that is not known costs a round trip.

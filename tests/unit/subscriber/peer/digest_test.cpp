@@ -27,7 +27,9 @@ class FrameDigests : public ::testing::Test {
     world_.bus.on_batches = {};
     one_ = world_.make_peer(quick_options(), kFirst);
     two_ = world_.make_peer(quick_options(), kSecond);
-    for (Session* session : {one_.get(), two_.get()}) world_.round(*session);
+    // They ask as well, or would take nothing in.
+    for (Session* session : {one_.get(), two_.get()})
+      for (int i = 0; i < 3; ++i) ask(*session, 0);
   }
   FrameReport ask(Session& session, std::size_t frame) {
     return world_.round(session, frame, motions_at(flight_, frame));

@@ -74,6 +74,62 @@ TEST(Liveness, ALongAnswerIsNotBegunAnewWithEachPublisherThatComes) {
   EXPECT_LE(static_cast<double>(session->stats().requests), most);
 }
 
+// Faster than they could be taken in, one an update: the peer neither waits for them, nor are they before what it asked for.
+TEST(Liveness, WhatNobodyAskedForKeepsNoAnswerWaiting) {
+  World world;
+  world.start_publisher();
+  world.start_publisher_of("elsewhere", elsewhere(), kOther);
+  const auto session = world.make_peer();
+  world.on_report = [&](const FrameReport&) {
+    for (const ServedModel* model : {&terrain(), &aircraft()})
+      for (int i = 0; i < 10; ++i) {
+        wire::SplitBatchMessage other = from(kOther, 1, model->open().content_hash());
+        other.bytes = {1, 2, 3};
+        world.bus.inject(kPeer, other);
+      }
+  };
+  world.on_report({});
+  const Flight flight = make_flight(1);
+  EXPECT_EQ(world.fly(*session, flight, 0, 4, 200, 0), 4U);
+  EXPECT_TRUE(world.has_complaint("sends detail that it was not asked for"));
+  EXPECT_EQ(world.complaints.size(), 1U);
+}
+
+// It was asked, of something else.
+TEST(Liveness, WhoWasAskedForOneModelDoesNotFloodAnother) {
+  World world;
+  world.judges = false;  // knows three bodies
+  world.start_publisher();
+  world.start_publisher_of("elsewhere", other_terrain(), kOther);
+  const auto session = world.make_peer();
+  const BodyId valley =
+      session->add_body({.name = "valley", .model = "elsewhere", .own = true}).value();
+  ASSERT_TRUE(session->watch(valley, kGround).is_ok());
+  const Flight flight = make_flight(1);
+  Motion touching;
+  const BakedModel &here = terrain().model, &there = other_terrain().model;
+  for (std::size_t k = 0; k < 3; ++k)
+    touching.pose.translation_m[k] = position_m(here.header, here.store, VertexId{0})[k] -
+                                     position_m(there.header, there.store, VertexId{0})[k];
+  bool is_asked = false;
+  for (int i = 0; i < 20 && !is_asked; ++i) {
+    world.round(*session, 0, {{kOne, flight.one[0]}, {valley, touching}});
+    for (const wire::RegionSubscription& request : world.bus.subscriptions)
+      is_asked |= request.publisher == kOther;
+  }
+  ASSERT_TRUE(is_asked);
+  ASSERT_TRUE(session->remove_body(valley).is_ok());
+  world.judges = true;
+  world.on_report = [&](const FrameReport&) {
+    for (int i = 0; i < 10; ++i) {
+      wire::SplitBatchMessage other = from(kOther, 1, terrain().open().content_hash());
+      other.bytes = {1, 2, 3};
+      world.bus.inject(kPeer, other);
+    }
+  };
+  EXPECT_EQ(world.fly(*session, flight, 0, 4, 200, 0), 4U);
+}
+
 /// Holds a request open, and has another publisher write what it likes in its place.
 class OpenRequest : public testing::Test {
  protected:

@@ -28,6 +28,21 @@ bool is_kept(ReplicaSet& replicas, std::uint64_t number) {
   return !complaints.empty();
 }
 
+TEST(WaitingBatches, AFloodOfOneTakesNoOthersPlace) {
+  WaitingBatches waiting;
+  for (std::size_t i = 0; i < WaitingBatches::kMostOfOne; ++i) ASSERT_TRUE(waiting.add({7, {1}}));
+  EXPECT_FALSE(waiting.add({7, {2}}));
+  EXPECT_TRUE(waiting.add({8, {3}}));
+  // Who has a place again is let in; all come in the order in which they went in.
+  EXPECT_EQ(waiting.take().publisher, 7U);
+  EXPECT_TRUE(waiting.add({7, {4}}));
+  EXPECT_FALSE(waiting.add({7, {5}}));
+  std::vector<std::uint8_t> last;
+  for (; !waiting.empty(); last.push_back(waiting.take().bytes.front()))
+    if (last.size() == 2) last.erase(last.begin());
+  EXPECT_EQ(last, (std::vector<std::uint8_t>{3, 4}));
+}
+
 TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToACount) {
   ReplicaSet replicas;
   std::vector<std::string> complaints;

@@ -55,6 +55,7 @@ class SpoiledChannel final : public Channel {
       requests.insert(subscription.request);
     } else {
       ++regions;
+      regions_of.insert(subscription.content_hash);
     }
     inner_.send(subscription);
   }
@@ -68,6 +69,7 @@ class SpoiledChannel final : public Channel {
   }
   std::set<std::uint32_t> requests, certificates;  ///< of pages and headers; for certificates
   int regions = 0;                                 ///< that were asked for
+  std::set<ContentHash> regions_of;
 
  private:
   LocalChannel& inner_;
@@ -213,7 +215,7 @@ TEST(SessionWorlds, WherePublishersChooseNothingPairsWithTilesNameWhatTheyLack) 
   EXPECT_GT(host.channel->certificates.size(), 2U);
 }
 
-// One request is about all tiles near, and is refused as a whole.
+// One request is about all tiles near. Of the others the publisher goes on to choose.
 TEST(SessionWorlds, ATileThatCannotBeReadKeepsNoDetailOfOthersBack) {
   const CutTerrain terrain;
   CutScene scene;
@@ -253,6 +255,9 @@ TEST(SessionWorlds, ATileThatCannotBeReadKeepsNoDetailOfOthersBack) {
   EXPECT_FALSE(is_certified(answer.answer.status));
   ASSERT_FALSE(host.said.empty());
   EXPECT_NE(host.said.back().find(to_hex(spoiled.content)), std::string::npos) << host.said.back();
+  for (const subscriber::NearTile& near : truth.world->tiles)
+    EXPECT_EQ(host.channel->regions_of.contains(near.tile.content),
+              near.tile.content == spoiled.content);
 }
 
 /// No more files than are open, and so many.

@@ -9,6 +9,7 @@
 
 #include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
+#include "subscriber/peer/replicas.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/unit/subscriber/peer/world.hpp"
 
@@ -32,6 +33,7 @@ struct Recorded {
     std::optional<Batch> batch;
     std::optional<wire::ContactReport> report;
     std::optional<wire::HeldDetail> held;
+    std::optional<wire::RegionSubscription> asked;
   };
   std::vector<Item> items;
   std::vector<wire::MeshHeader> headers;
@@ -66,6 +68,9 @@ class Verify : public ::testing::Test {
     };
   }
   static void take_reports(World& world, Recorded& recorded) {
+    for (wire::RegionSubscription& asked : world.bus.subscriptions)
+      recorded.items.push_back({.asked = std::move(asked)});
+    world.bus.subscriptions.clear();
     for (wire::ContactReport& report : world.bus.reports)
       recorded.items.push_back({.report = std::move(report)});
     world.bus.reports.clear();
@@ -168,7 +173,8 @@ class Verify : public ::testing::Test {
     };
     const std::uint32_t headers = add(names.of<wire::MeshHeader>(), ""),
                         reports = add(names.of<wire::ContactReport>(), ""),
-                        held = add(names.of<wire::HeldDetail>(), "");
+                        held = add(names.of<wire::HeldDetail>(), ""),
+                        asked = add(names.of<wire::RegionSubscription>(), "");
     const std::uint32_t batches =
         writer->add_topic({names.of<wire::SplitBatchMessage>(), "type"}).value();
     std::map<wire::SessionId, std::uint32_t> writers;
@@ -179,6 +185,7 @@ class Verify : public ::testing::Test {
     for (const Recorded::Item& item : recorded.items) {
       if (item.report) append(reports, encode_payload(*item.report));
       if (item.held) append(held, encode_payload(*item.held));
+      if (item.asked) append(asked, encode_payload(*item.asked));
       if (!item.batch) continue;
       const auto [at, is_new] = writers.try_emplace(item.batch->peer, 0);
       if (is_new)
@@ -846,6 +853,111 @@ TEST_F(Verify, FollowsAPublisherThatCountsAnew) {
   const VerifyReport found = verify(recorded);
   EXPECT_EQ(found.verified, recorded.answers());
   EXPECT_EQ(found.different + found.lacking, 0U);
+}
+
+// A recorder hears several ways: an answer may come to it before the request.
+TEST_F(Verify, WhoWasAskedIsHeardThoughTheRequestIsRecordedLate) {
+  Recorded recorded = record();
+  // Each request goes behind the first batch that answers it.
+  for (std::size_t i = recorded.items.size(); i-- > 0;) {
+    if (!recorded.items[i].asked) continue;
+    const wire::RegionSubscription asked = *recorded.items[i].asked;
+    for (std::size_t k = i + 1; k < recorded.items.size(); ++k) {
+      const auto& batch = recorded.items[k].batch;
+      if (!batch || batch->peer != asked.peer || batch->message.request != asked.request) continue;
+      const auto at = recorded.items.begin();
+      std::rotate(at + static_cast<std::ptrdiff_t>(i), at + static_cast<std::ptrdiff_t>(i) + 1,
+                  at + static_cast<std::ptrdiff_t>(k) + 1);
+      break;
+    }
+  }
+  const VerifyReport found = verify(recorded);
+  EXPECT_EQ(found.verified, recorded.answers());
+  EXPECT_EQ(found.different + found.lacking, 0U);
+}
+
+// Anybody can write batches to a peer: good ones, of whatever numbers, that the peer does not take in.
+TEST_F(Verify, BatchesOfWhomNobodyAskedCountForNothing) {
+  constexpr wire::SessionId kStranger = 0xc1;
+  Recorded recorded;
+  World world;
+  world.start_publisher();
+  record_detail(world, recorded);
+  const auto session = world.make_peer();
+  std::vector<wire::SplitBatchMessage> good;
+  const auto record = world.bus.batch_filter;
+  world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
+    if (!batch.bytes.empty() && !batch.refused) good.push_back(batch);
+    return record(peer, batch);
+  };
+  std::size_t strange = 0;
+  world.on_report = [&](const FrameReport&) {
+    take_reports(world, recorded);
+    for (std::size_t i = good.size() / 2; i < good.size(); ++i) {
+      wire::SplitBatchMessage batch = good[i];
+      batch.publisher = kStranger;
+      batch.sequence = static_cast<std::uint32_t>(7 * ++strange);
+      world.bus.inject(kPeer, batch);
+      recorded.items.push_back({.batch = Recorded::Batch{kPeer, std::move(batch)}});
+    }
+  };
+  const Flight flight = make_flight(5);
+  for (std::size_t i = 0; i < flight.frames(); ++i)
+    world.fly_frame(*session, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
+  EXPECT_GT(strange, 50U);
+  const VerifyReport found = verify(recorded);
+  EXPECT_EQ(found.different + found.lacking + found.gave_up, 0U);
+  EXPECT_EQ(found.verified, recorded.answers());
+}
+
+// More than may wait, of who was asked: what follows is proved from what the peer says then that it holds.
+TEST_F(Verify, WhatFindsNoPlaceBeginsAnEra) {
+  Recorded recorded;
+  World world;
+  world.start_publisher();
+  record_detail(world, recorded);
+  world.on_report = [&](const FrameReport&) {
+    take_reports(world, recorded);
+    for (wire::HeldDetail& held : world.bus.held)
+      recorded.items.push_back({.held = std::move(held)});
+    world.bus.held.clear();
+  };
+  std::uint32_t flood = 0, sent = 0;
+  const auto record = world.bus.batch_filter;
+  world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
+    sent = batch.sequence += flood;
+    return record(peer, batch);
+  };
+  const auto session = world.make_peer();
+  world.bus.bring_recorder();
+  const Flight flight = make_flight(5);
+  const std::size_t middle = flight.frames() / 2;
+  for (std::size_t i = 0; i < flight.frames(); ++i) {
+    if (i == middle) {
+      wire::SplitBatchMessage batch{.publisher = kPublisher,
+                                    .content_hash = terrain().open().content_hash(),
+                                    .request = 1,
+                                    .bytes = {1, 2, 3}};
+      for (; flood < subscriber::WaitingBatches::kMostOfOne + 100; ++flood) {
+        batch.sequence = sent + flood + 1;
+        world.bus.inject(kPeer, batch);
+        recorded.items.push_back({.batch = Recorded::Batch{kPeer, batch}});
+      }
+      EXPECT_GT(world.round(*session, i, {}, 0).batches_waiting, 0U);
+    }
+    world.fly_frame(*session, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 200);
+  }
+  const auto folder = models();
+  const VerifyReport found = verify(recorded, 1, folder.get());
+  EXPECT_EQ(found.different, 0U);
+  // The last is proved again.
+  Recorded end = recorded;
+  std::erase_if(end.items, [&](const Recorded::Item& item) {
+    return item.report && item.report->frame + 5 < flight.frames();
+  });
+  const VerifyReport late = verify(end, 1, folder.get());
+  EXPECT_GT(late.verified, 0U);
+  EXPECT_EQ(late.verified, end.answers());
 }
 
 TEST_F(Verify, ReportsThatNeverCameAreCounted) {

@@ -40,7 +40,8 @@ struct PoseCounts {
 class DdsChannel final : public Channel {
  public:
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
-  static constexpr std::size_t kMaxWaitingBatches = 16384;  ///< about 20 MB
+  /// Of each publisher that was asked for something, and of all others together; about 20 MB.
+  static constexpr std::size_t kMaxWaitingBatches = 16384;
   static constexpr std::size_t kMaxWaitingOthers = 4096;
   static constexpr std::size_t kMaxWaitingPoses = 4 * kMaxWaitingOthers;
   static constexpr std::size_t kMaxWaitingHeaderBytes = 64U << 20;
