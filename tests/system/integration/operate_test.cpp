@@ -83,8 +83,8 @@ bool is_certified(const std::string& line) {
 
 class Operate : public ::testing::Test {
  protected:
-  /// Frames of a flight that outlasts what is awaited in it: 400 s.
-  static constexpr int kLong = 20'000;
+  /// Of 400 frames, of a flight that outlasts what is awaited in it: 400 s.
+  static constexpr int kRounds = 50;
   Folder folder;
 
   std::vector<std::string> bus() const {
@@ -108,12 +108,12 @@ class Operate : public ::testing::Test {
     EXPECT_TRUE(publisher->says("ready on domain")) << publisher->err();
     return publisher;
   }
-  /// flight.yaml: an aircraft over ground, `frames` at 50 Hz.
-  void write_scene(int frames) const {
+  /// flight.yaml: an aircraft over ground, `frames` at 50 Hz, and as many back, and so on.
+  void write_scene(int frames, int rounds = 1) const {
     std::string err;
     ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
                         {folder.path(), "--size", "48", "--frames", std::to_string(frames),
-                         "--rate", "50"},
+                         "--rate", "50", "--rounds", std::to_string(rounds)},
                         nullptr, &err),
               0)
         << err;
@@ -285,7 +285,7 @@ TEST_F(Operate, WatchShowsTheBusInABrowser) {
 
 // Else it would fill a disk in days, and the memory of all that look.
 TEST_F(Operate, WatchBeginsAnewAtItsSize) {
-  write_scene(kLong);
+  write_scene(400, kRounds);
   const auto publisher = serve(with({terrain(), aircraft()}));
   const Variable scratch("TMPDIR", folder.path());
   const std::string port = free_port();
@@ -331,7 +331,7 @@ TEST_F(Operate, WatchSaysWhatIsWrong) {
 // --- Status and metrics
 
 TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
-  write_scene(kLong);
+  write_scene(400, kRounds);
   const auto publisher = serve(with({terrain(), aircraft()}));
   const std::string port = free_port();
   const Process peer(folder, "nearmesh-subscriber",
@@ -391,7 +391,7 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
 }
 
 TEST_F(Operate, NamesStandBesideNumbersEverywhere) {
-  write_scene(kLong);
+  write_scene(400, kRounds);
   const auto publisher = serve(with({terrain(), aircraft(), "--name", "terrain server"}));
   EXPECT_NE(publisher->err().find(" (terrain server)"), std::string::npos) << publisher->err();
   Process recorder(folder, "nearmesh-subscriber", with({"record", "-o", folder.file("named.db3")}));
@@ -448,7 +448,7 @@ TEST_F(Operate, NamesStandBesideNumbersEverywhere) {
 }
 
 TEST_F(Operate, StatusTellsOfPosesThatAreOldOrGone) {
-  write_scene(kLong);
+  write_scene(400, kRounds);
   folder.write("look.yaml",
                "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
                "  - {name: one, model: aircraft}\n  - {name: two, model: aircraft}\n"
@@ -611,7 +611,7 @@ class OtherRelease {
 
 // Each names the other; nobody is harmed.
 TEST_F(Operate, ReleasesOfOtherWireVersionsShareTheBus) {
-  write_scene(kLong);
+  write_scene(400, kRounds);
   wire::TransportOptions transport;
   transport.domain = static_cast<std::uint32_t>(std::stoul(bus()[1]));
   transport.prefix = bus()[3];
