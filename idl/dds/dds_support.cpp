@@ -234,17 +234,18 @@ class DiscoveryListener : public FindingListener {
 
   void participant_found(const FoundParticipant& found) override {
     const std::string name = shown_participant(found.name);
-    has_found_others_ = true;
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
   [[nodiscard]] bool has_found_others() const { return has_found_others_; }
   void writer_found(const FoundEndpoint& found) override {
+    has_found_others_ = true;
     if (on_writer_) tell(on_writer_, found);
     if (!found.is_new) return;
     judge(found);
     judge_qos(found, true);
   }
   void reader_found(const FoundEndpoint& found) override {
+    has_found_others_ = true;
     if (on_reader_) tell(on_reader_, found);
     if (!found.is_new) return;
     judge(found);

@@ -260,7 +260,8 @@ class Bus {
   [[nodiscard]] const TopicNames& names() const { return *names_; }
   /// Of the participant; nullptr: a host's, without one.
   [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
-  /// Whether another participant was ever found, since this was opened; true of a host's participant. Any thread.
+  /// Whether a writer or reader of another participant was ever found, since this was opened: one that only announces itself may not be
+  /// within reach. True of a host's participant. Any thread.
   [[nodiscard]] bool has_found_others() const;
 
  private:

@@ -5,7 +5,9 @@
 #include <array>
 #include <tuple>
 
+#include "core/base/hash.hpp"
 #include "core/replica/held_nodes.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber {
 namespace {

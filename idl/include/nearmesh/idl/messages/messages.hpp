@@ -424,7 +424,8 @@ struct HeldDetail {
   std::uint32_t applied_batches = 0;  ///< of the model: all that had come by then
   std::uint32_t last_request = 0;     ///< of the peer: what answers a later one came after this
   std::uint64_t state_digest = 0, box_digest = 0;  ///< of what `nodes` says
-  std::vector<Heard> heard;                        ///< at most kMaxHeardPublishers
+  /// Of the publishers that it asked last, at most kMaxHeardPublishers; sequence 0: nothing came.
+  std::vector<Heard> heard;
   std::vector<std::uint8_t> nodes;  ///< core/replica/held_nodes.hpp, at most kMaxHeldBytes
 };
 inline constexpr std::size_t kMaxHeardPublishers = 64;
