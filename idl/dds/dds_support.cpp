@@ -237,15 +237,20 @@ class DiscoveryListener : public FindingListener {
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
   [[nodiscard]] bool has_found_others() const { return has_found_others_; }
+  /// Of the participant that this listens for, before it has endpoints: they are found, too.
+  void set_own(const ParticipantKey& own) {
+    const std::lock_guard lock(mutex_);
+    own_ = own;
+  }
   void writer_found(const FoundEndpoint& found) override {
-    has_found_others_ = true;
+    note(found);
     if (on_writer_) tell(on_writer_, found);
     if (!found.is_new) return;
     judge(found);
     judge_qos(found, true);
   }
   void reader_found(const FoundEndpoint& found) override {
-    has_found_others_ = true;
+    note(found);
     if (on_reader_) tell(on_reader_, found);
     if (!found.is_new) return;
     judge(found);
@@ -259,6 +264,11 @@ class DiscoveryListener : public FindingListener {
 
  private:
   static constexpr std::size_t kMaxKnown = 256;
+
+  void note(const FoundEndpoint& found) {
+    const std::lock_guard lock(mutex_);
+    if (key_of(found.endpoint) != own_) has_found_others_ = true;
+  }
 
   using Tell = std::function<void(const BusOptions::Found&)>;
   static void tell(const Tell& use, const FoundEndpoint& found) {
@@ -310,6 +320,7 @@ class DiscoveryListener : public FindingListener {
   const std::string prefix_;
   const TopicNames names_;
   const Tell on_writer_, on_reader_;
+  ParticipantKey own_{};
   std::atomic<bool> has_found_others_ = false;
   std::mutex mutex_;
   std::set<std::string> said_;
@@ -395,6 +406,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                                        std::to_string(options.transport.domain) +
                                        bus->refusal_hint_};
   bus->is_own_ = true;
+  bus->discovery_->set_own(key_of(bus->participant_->get_instance_handle()));
   bus->add_routes();
   bus->door_ = door_watch_of(*bus->participant_);
   bus->door_->set_mailbox(&mailbox);

@@ -214,7 +214,7 @@ TEST_F(ReplayProgram, AnOnlookerThatHasWaitedFollowsWhatIsPlayed) {
   write_scene("onlooker", "  []\n", "[[ground, one], [ground, two], [one, two]]");
   const auto onlooker = fly("onlooker", 1);
   test::pause(1.2 * kFrames / 50);
-  const auto player = start("nearmesh-publisher", replay(session, {"--rate", "0.5"}), "replaying");
+  const auto player = start("nearmesh-publisher", replay(session, {"--rate", "0.25"}), "replaying");
   ASSERT_EQ(player->wait(), 0) << player->err();
   onlooker->signal(SIGINT);
   ASSERT_EQ(onlooker->wait(), 0) << onlooker->err();
