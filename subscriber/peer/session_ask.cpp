@@ -179,12 +179,13 @@ void Session::Impl::send_request(const Publisher& publisher, std::uint8_t priori
   request.window_bytes = options.window_bytes;
   static_cast<void>(asked_publishers.note(request.publisher));
   const auto note_asked = [&](const ContentHash& content) {
-    if (asked_about.use({content, request.publisher}) == nullptr)
-      asked_about.put({content, request.publisher}, {});
+    asked_about.put({content, request.publisher}, {});
   };
-  if (!request.certificate) note_asked(request.content_hash);
-  if (request.certificate)
+  if (request.certificate) {
     for (const auto& model : request.certificate->models) note_asked(model.content);
+  } else {
+    note_asked(request.content_hash);
+  }
   channel->send(request);
 }
 

@@ -88,6 +88,13 @@ class Audit : public testing::Test {
     return frames;
   }
 
+  /// The liar is named within so many frames.
+  void expect_unproved(Session& session, std::size_t most) {
+    frames_until(session, "does not prove what it sent, 3 audits in a row", most);
+    EXPECT_TRUE(world.has_complaint("model terrain: publisher " + to_hex(kLiar) +
+                                    " does not prove what it sent, 3 audits in a row"));
+  }
+
  private:
   std::vector<std::unique_ptr<SplitStore>> stores_;
   std::vector<std::unique_ptr<ModelFile>> files_;
@@ -141,9 +148,7 @@ TEST_F(Audit, FindsWhoLiesInOnePercentOfWhatItSends) {
 TEST_F(Audit, WhoProvesNothingIsNotAskedAgain) {
   start_liar(kLiar, 0.01, Proves::kNothing);
   const auto session = world.make_peer(options(1));
-  frames_until(*session, "does not prove what it sent, 3 audits in a row", 200);
-  EXPECT_TRUE(world.has_complaint("model terrain: publisher " + to_hex(kLiar) +
-                                  " does not prove what it sent, 3 audits in a row"));
+  expect_unproved(*session, 200);
   world.start_publisher();
   EXPECT_EQ(world.fly(*session, make_flight(2)), 40U);
 }
@@ -152,9 +157,7 @@ TEST_F(Audit, WhoProvesNothingIsNotAskedAgain) {
 TEST_F(Audit, AnotherBlockProvesNothingOfWhatWasAsked) {
   start_liar(kLiar, 0.01, Proves::kAnotherBlock);
   const auto session = world.make_peer(options(1));
-  frames_until(*session, "does not prove what it sent, 3 audits in a row", 400);
-  EXPECT_TRUE(world.has_complaint("model terrain: publisher " + to_hex(kLiar) +
-                                  " does not prove what it sent, 3 audits in a row"));
+  expect_unproved(*session, 400);
   EXPECT_FALSE(world.has_complaint("contradicts"));
 }
 

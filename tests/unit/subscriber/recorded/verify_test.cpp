@@ -75,6 +75,12 @@ class Verify : public ::testing::Test {
       recorded.items.push_back({.report = std::move(report)});
     world.bus.reports.clear();
   }
+  static void take_reports_and_held(World& world, Recorded& recorded) {
+    take_reports(world, recorded);
+    for (wire::HeldDetail& held : world.bus.held)
+      recorded.items.push_back({.held = std::move(held)});
+    world.bus.held.clear();
+  }
   /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
   Recorded record(SessionOptions options = quick_options(),
                   const std::set<std::size_t>& comings = {}, double budget_s = 1) {
@@ -83,12 +89,7 @@ class Verify : public ::testing::Test {
     world.judges = !options.any && options.max_pairs == kAllPairs && options.max_tests > 1000;
     world.start_publisher();
     record_detail(world, recorded);
-    world.on_report = [&](const FrameReport&) {
-      take_reports(world, recorded);
-      for (wire::HeldDetail& held : world.bus.held)
-        recorded.items.push_back({.held = std::move(held)});
-      world.bus.held.clear();
-    };
+    world.on_report = [&](const FrameReport&) { take_reports_and_held(world, recorded); };
     const Flight flight = make_flight(5), other_flight = make_flight(6);
     const auto one = world.make_peer(options);
     const auto other = world.make_peer(options, kOther);
@@ -916,12 +917,7 @@ TEST_F(Verify, WhatFindsNoPlaceBeginsAnEra) {
   World world;
   world.start_publisher();
   record_detail(world, recorded);
-  world.on_report = [&](const FrameReport&) {
-    take_reports(world, recorded);
-    for (wire::HeldDetail& held : world.bus.held)
-      recorded.items.push_back({.held = std::move(held)});
-    world.bus.held.clear();
-  };
+  world.on_report = [&](const FrameReport&) { take_reports_and_held(world, recorded); };
   std::uint32_t flood = 0, sent = 0;
   const auto record = world.bus.batch_filter;
   world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
