@@ -8,6 +8,7 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -100,7 +101,7 @@ Motion motion_at(const FrameScene& scene, std::size_t mover, double time_s, doub
 
 // ---- channel ------------------------------------------------------------------------------------
 
-/// A LocalChannel that tells its publisher's time from the peer's, and may deliver all detail before any is asked for.
+/// A LocalChannel that tells its publisher's time from the peer's, and may deliver all detail of a model once anything of it is asked for.
 class ServedChannel final : public subscriber::Channel {
  public:
   [[nodiscard]] bool serve(const std::string& name, const Model& model, bool all_detail) {
@@ -115,6 +116,11 @@ class ServedChannel final : public subscriber::Channel {
 
   [[nodiscard]] wire::SessionId own_id() const override { return local_.own_id(); }
   void send(const wire::RegionSubscription& subscription) override {
+    if (subscription.certificate) {
+      for (const auto& model : subscription.certificate->models) deliver_detail(model.content, subscription.publisher);
+    } else {
+      deliver_detail(subscription.content_hash, subscription.publisher);
+    }
     const double begun_s = cpu_s();
     local_.send(subscription);
     publisher_s_ += cpu_s() - begun_s;
@@ -124,8 +130,8 @@ class ServedChannel final : public subscriber::Channel {
   void send(const wire::ContactReport& report) override { local_.send(report); }
   [[nodiscard]] Inbox take() override {
     Inbox inbox = local_.take();
-    std::move(detail_.begin(), detail_.end(), std::back_inserter(inbox.batches));
-    detail_.clear();
+    std::move(delivered_.begin(), delivered_.end(), std::back_inserter(inbox.batches));
+    delivered_.clear();
     return inbox;
   }
 
@@ -141,13 +147,21 @@ class ServedChannel final : public subscriber::Channel {
     request.region = {all};
     auto batches = answer_request(file.header(), store, request,
                                   [&file](NodeSpan node) { return file.require(node); });
-    auto messages =
+    detail_[file.content_hash()] =
         wire::answer_messages(0, 0, file.content_hash(), std::move(batches).value(), true);
-    std::move(messages.begin(), messages.end(), std::back_inserter(detail_));
+  }
+  void deliver_detail(const ContentHash& content, wire::SessionId publisher) {
+    auto messages = detail_.extract(content);
+    if (messages.empty()) return;
+    for (wire::SplitBatchMessage& message : messages.mapped()) {
+      message.publisher = publisher;
+      delivered_.push_back(std::move(message));
+    }
   }
 
   LocalChannel local_;
-  std::vector<wire::SplitBatchMessage> detail_;
+  std::map<ContentHash, std::vector<wire::SplitBatchMessage>> detail_;  // not yet asked for
+  std::vector<wire::SplitBatchMessage> delivered_;
   double publisher_s_ = 0;
 };
 
