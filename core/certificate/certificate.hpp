@@ -44,6 +44,8 @@ class CertificateMaker {
   /// them is asked again with four times as many.
   [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
+  /// What was done so far, in tests: a split takes as long as ten.
+  [[nodiscard]] std::uint64_t work() const { return tests_ + 10 * split_count_; }
   /// After an error: the content whose file could not be read, if that was it. The peer is to ask for regions of that one alone.
   [[nodiscard]] const std::optional<ContentHash>& unreadable() const { return unreadable_; }
 

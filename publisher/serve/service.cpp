@@ -27,6 +27,11 @@ constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
 /// Nodes that are done in a turn to make a mirror of a peer's word, or of what it was before it slept: some 0.2 ms, as other turns.
 constexpr std::size_t kToldATurn = 256;
+/// What a round of a certificate takes: a look, and each test. Most take a twentieth of other turns, so ten of them in a row are as much as one of a
+/// peer that asks for everything.
+constexpr double kLook_s = 1e-5, kTest_s = 1e-7;
+/// To make a batch and send it.
+constexpr double kBatch_s = 5e-5;
 /// So much time a node passes before the next word of the peer counts, whether or not it was true, or one of its mirrors wakes, and so much may be
 /// owed. In such turns a split takes 0.8 to 0.9 us to be read, done and put into a tree, and up to 2 us where the file was not read so far (medians,
 /// models of 256 to 261,000 splits); a node with half-spaces takes 0.4 us, and 1.9 with eight. So the price is no less than the cost, and one peer's
@@ -304,7 +309,7 @@ Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& roo
   });
 }
 
-/// Whose last turn is longest ago, and its request.
+/// Who has had least of the time, of those who wait for something, and its request.
 std::optional<Service::Turn> Service::next_in_turn() {
   std::size_t collecting = 0, making = 0;
   for (const auto& [id, peer] : peers_)
@@ -312,10 +317,13 @@ std::optional<Service::Turn> Service::next_in_turn() {
       collecting += open.is_collecting ? 1 : 0;
       making += open.is_making ? 1 : 0;
     }
+  const auto had = [this](const Peer& peer) {
+    return std::pair(std::max(peer.served_s, served_s_), peer.last_turn);
+  };
   std::optional<Turn> next;
   for (auto at = peers_.begin(); at != peers_.end(); ++at) {
     Peer& peer = at->second;
-    if (peer.open.empty() || (next && next->peer->second.last_turn <= peer.last_turn)) continue;
+    if (peer.open.empty() || (next && had(next->peer->second) <= had(peer))) continue;
     const auto open = most_urgent(peer, {collecting < kMaxCollecting, making < kMaxMaking});
     if (open != peer.open.end()) next = Turn{at, open};
   }
@@ -327,6 +335,8 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
   const wire::SessionId id = turn.peer->first;
   Peer& peer = turn.peer->second;
   peer.last_turn = ++turns_;
+  served_s_ = std::max(served_s_, peer.served_s);
+  peer.served_s = served_s_ + kTurn_s;
   const auto at = turn.open;
   Open& open = at->second;
   Status fault;
@@ -347,6 +357,8 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
       return;
     }
     if (part.is_ok()) {
+      peer.served_s += part.value().took_s - kTurn_s +
+                       kBatch_s * static_cast<double>(part.value().batches.size());
       const bool last = part.value().last;
       open.is_making = part.value().is_of_mirror;
       open.is_collecting = !last && !open.is_making && part.value().batches.empty();
@@ -390,18 +402,23 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
       std::optional<BegunCertificate> begun = its->beginner.next(kToldATurn);
       peer.told_s = std::max(peer.told_s, now_s_) +
                     kToldNode_s * static_cast<double>(its->beginner.told_nodes() - told_before);
-      if (!begun) return Part{.is_of_mirror = its->beginner.is_making()};
+      if (!begun)
+        return Part{.is_of_mirror = its->beginner.is_making(),
+                    .took_s = its->beginner.told_nodes() > told_before ? kTurn_s : kLook_s};
       if (!begun->maker)
         return Part{.instead = wire::redirection_message(session_, asked, begun->why_not,
                                                          begun->content, begun->wants_regions)};
       its->maker = std::move(begun->maker);
     }
+    const std::uint64_t work_before = its->maker->work();
     auto made = its->maker->next();
     if (!made.is_ok() && its->maker->unreadable())
       return Part{.instead = wire::redirection_message(session_, asked, made.status().message(),
                                                        *its->maker->unreadable(), true)};
     NEARMESH_RETURN_IF_ERROR(made);
-    return Part{made.value().content, std::move(made.value().batches), its->maker->is_done()};
+    Part part{made.value().content, std::move(made.value().batches), its->maker->is_done()};
+    part.took_s = kLook_s + kTest_s * static_cast<double>(its->maker->work() - work_before);
+    return part;
   });
 }
 

@@ -7,9 +7,9 @@
 // it, and chooses what certifies the peer's answers (core/certificate). Where it cannot choose, the peer names its unresolved
 // nodes and a region. So a mirror is a memory that may be lost at any time, and a batch that was lost is simply asked for
 // again. What else it keeps of a peer is its pace, its newest requests, and the batches that wait for it.
-// No peer can take more than its turn: an answer is made part by part, peers in turn, and only while little of it waits to
-// be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a
-// millisecond) each turn, and no memory beyond the requests, what is sorted of one answer (262 kB) and kEnoughQueuedBytes
+// No peer can take more than its share: an answer is made part by part, the peer that has had least of the time first, and only while
+// little of it waits to be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a
+// millisecond) for as much of their own, and no memory beyond the requests, what is sorted of one answer (262 kB) and kEnoughQueuedBytes
 // and a part of batches.
 // The channel bounds how many peers there are.
 // Source: the paper, section 3.3 (Server Collect VSplits).
@@ -56,6 +56,8 @@ class Service {
   /// tiles are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,
                                  ContentHash replaces = {}, const wire::Epoch& epoch = {});
+  /// What a part takes, where it is not known better.
+  static constexpr double kTurn_s = 2e-4;
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
     ContentHash content;  ///< which they are of
@@ -63,6 +65,7 @@ class Service {
     bool last = false;
     bool are_pieces = false;    ///< of a content's own bytes, instead of batches
     bool is_of_mirror = false;  ///< it made a part of a mirror, and nothing else
+    double took_s = kTurn_s;    ///< about, without sending; not by a clock, so that turns are the same in every run
     /// In the place of all that: the peer is to ask otherwise.
     std::optional<wire::SplitBatchMessage> instead = std::nullopt;
   };
@@ -124,7 +127,8 @@ class Service {
     /// By content hash, none for all that are not served, for certificates, which are about several, and for parts of worlds
     /// beyond kMaxOpenOfPeer; and kind.
     std::map<std::pair<ContentHash, Kind>, Open> open;
-    std::uint64_t last_turn = 0;
+    double served_s = 0;          ///< on the service's clock served_s_: when its turn is over
+    std::uint64_t last_turn = 0;  ///< of equals the one whose last turn is longest ago is next
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
     std::deque<Waiting> queue;                     // by priority, then arrival
@@ -183,6 +187,7 @@ class Service {
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
+  double served_s_ = 0;  ///< goes on from turn to turn, with whoever has had least: who waits for nothing saves nothing up
   double now_s_ = 0;  ///< of the last step()
   bool is_behind_ = false;
   ServiceStats stats_;

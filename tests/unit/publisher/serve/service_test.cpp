@@ -545,6 +545,62 @@ TEST(Service, FloodOfRequestsCostsTheOthersOneTurn) {
   EXPECT_EQ(desk.service.stats().requests, 3030U);
 }
 
+// An answer in many short parts, as a certificate is, waits for one long part of another peer's, not for one at each of its own.
+TEST(Service, ManyShortPartsWaitForOneLongPart) {
+  Desk desk;
+  constexpr ContentHash kShort{0, 78};
+  constexpr int kParts = 10;
+  Endless endless(desk);
+  desk.service.add_answerer(kShort, [&](const RegionRequest&) {
+    return Service::Parts([&, left = kParts]() mutable -> Result<Service::Part> {
+      endless.made += 'B';
+      return Service::Part{.content = kShort, .last = --left == 0, .took_s = Service::kTurn_s / 20};
+    });
+  });
+  for (std::uint32_t i = 1; i <= 20; ++i) {
+    desk.bus.inject(Endless::request(desk, i, true));
+    wire::RegionSubscription other = desk.request(i, 10);
+    other.peer = kOtherPeer;
+    other.content_hash = kShort;
+    desk.bus.inject(other);
+    endless.made.clear();
+    desk.service.step(i);
+    const std::string until_answered = endless.made.substr(0, endless.made.rfind('B'));
+    EXPECT_EQ(std::count(endless.made.begin(), endless.made.end(), 'B'), kParts);
+    EXPECT_LE(std::count(until_answered.begin(), until_answered.end(), 'A'), 1) << endless.made;
+    EXPECT_FALSE(desk.other_received().empty());
+    static_cast<void>(desk.received());
+  }
+}
+
+// Who asked for nothing for long has saved nothing up: it does not keep the others waiting for as long.
+TEST(Service, WhoWaitedForNothingHasNoMoreThanTheOthers) {
+  Desk desk;
+  Endless endless(desk);
+  constexpr ContentHash kLong{0, 78};
+  desk.service.add_answerer(kLong, [&](const RegionRequest&) {
+    return Service::Parts([&]() -> Result<Service::Part> {
+      endless.made += 'B';
+      return Service::Part{.content = kLong};
+    });
+  });
+  for (std::uint32_t i = 1; i <= 50; ++i) {  // alone
+    desk.bus.inject(Endless::request(desk, i, true));
+    desk.service.step(i);
+    static_cast<void>(desk.received());
+  }
+  endless.made.clear();
+  desk.bus.inject(Endless::request(desk, 51, true));
+  wire::RegionSubscription other = desk.request(1, 10);
+  other.peer = kOtherPeer;
+  other.content_hash = kLong;
+  desk.bus.inject(other);
+  desk.service.step(51);
+  // A part with its batches takes twice what one without does.
+  EXPECT_EQ(endless.made.substr(0, 9).find("BBBB"), std::string::npos) << endless.made;
+  EXPECT_NE(endless.made.substr(0, 9).find('A'), std::string::npos) << endless.made;
+}
+
 // A thousand a second: each would give up what was begun for the one before it.
 TEST(Service, FloodIsBegunAnewAHundredTimesASecond) {
   Desk desk;
