@@ -170,7 +170,15 @@ TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePlace place,
   if (below == 1) {
     for (const Part& part : parts) nodes[own].set(count++, lanes_[part.index]);
   } else {
-    cut(parts, (parts.size() + below - 1) / below, [&](std::span<Part> group) {
+    const std::size_t groups = (parts.size() + below - 1) / below;
+    // Parts stand here themselves where there is room for all of a group, which then needs no node.
+    std::size_t room = below == kLanes ? kLanes - groups : 0;
+    cut(parts, groups, [&](std::span<Part> group) {
+      if (group.size() <= room + 1) {
+        room -= group.size() - 1;
+        for (const Part& part : group) nodes[own].set(count++, lanes_[part.index]);
+        return;
+      }
       const TreeEntry child = make_entry(group, own * kLanes + count, nodes);
       nodes[own].set(count++, child);
     });

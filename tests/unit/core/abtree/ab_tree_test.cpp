@@ -57,6 +57,21 @@ class Wanderer {
   AbTree tree_;
 };
 
+/// Down to each block and unresolved node. Places in the arrays may differ.
+void expect_same_shape(const TreeView& x, const TreeView& y) {
+  std::vector<std::pair<TreeEntry, TreeEntry>> stack{{x.root(), y.root()}};
+  while (!stack.empty()) {
+    const auto [a, b] = stack.back();
+    stack.pop_back();
+    ASSERT_EQ(a.box, b.box);
+    ASSERT_EQ(a.slab, b.slab);
+    ASSERT_EQ(a.kind_and_count, b.kind_and_count);
+    if (a.kind() != TreeEntry::Kind::kInner) continue;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+      stack.emplace_back(x.nodes[a.first].entry(lane), y.nodes[b.first].entry(lane));
+  }
+}
+
 class AbTreeOf : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Models, AbTreeOf, ::testing::ValuesIn(test::mesh_names()),
                          [](const auto& model) { return model.param; });
@@ -192,18 +207,7 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
     tree.update(replica.apply_batch(decode(split, BoxPolicy::kCutNodes)).delta);
   const auto expect_as_from_scratch = [&] {
     const AbTree scratch(replica.mesh());
-    const TreeView x = tree.view(model.header.grid), y = scratch.view(model.header.grid);
-    std::vector<std::pair<TreeEntry, TreeEntry>> stack{{x.root(), y.root()}};
-    while (!stack.empty()) {
-      const auto [a, b] = stack.back();
-      stack.pop_back();
-      ASSERT_EQ(a.box, b.box);
-      ASSERT_EQ(a.slab, b.slab);
-      ASSERT_EQ(a.kind_and_count, b.kind_and_count);
-      if (a.kind() != TreeEntry::Kind::kInner) continue;
-      for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-        stack.emplace_back(x.nodes[a.first].entry(lane), y.nodes[b.first].entry(lane));
-    }
+    expect_same_shape(tree.view(model.header.grid), scratch.view(model.header.grid));
   };
   expect_as_from_scratch();
   Random random(85);
@@ -219,6 +223,61 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
   EXPECT_TRUE(any || GetParam() == "one_face");
   for (const TreeletSplit& split : treelet)  // nothing new: nothing to do
     EXPECT_TRUE(replica.apply_batch(decode(split, BoxPolicy::kAllNodes)).delta.is_empty());
+}
+
+// Large enough for several layers of upper nodes, which are packed anew where a large node is split after smaller ones elsewhere, or made whole.
+TEST(AbTree, UpperNodesArePackedAsFromScratch) {
+  const BakedModel model = test::bake_mesh(generate_terrain(100, 3), 16);
+  const SplitStore& store = model.store;
+  const test::TrueBoxes boxes(store);
+  ActiveMesh mesh(store);
+  AbTree tree(mesh);
+  Random random(86);
+  const auto vertices = model.header.vertex_count;
+  for (int i = 0; i < 150; ++i) {
+    SCOPED_TRACE(i);
+    RefineDelta delta;
+    for (std::uint32_t n = 1 + random.below(3); n > 0; --n) {
+      const std::uint32_t first = random.below(vertices), count = random.below(600),
+                          step = 1 + random.below(40);
+      if (random.below(4) == 0) {
+        const VertexId u{first};
+        if (!store.is_root(u)) mesh.collapse(store.node_of(u), delta);
+      }
+      for (std::uint32_t v = first; v < std::min(first + count, vertices); v += step) {
+        ASSERT_TRUE(mesh.split({v}, delta));
+      }
+    }
+    tree.update(delta);
+    const AbTree scratch(mesh);
+    expect_same_shape(tree.view(model.header.grid), scratch.view(model.header.grid));
+    if (HasFatalFailure()) return;
+  }
+  EXPECT_GT(mesh.split_count(), 1000U);
+}
+
+// The fewer lanes stand empty, the fewer nodes a query opens.
+TEST(AbTree, NodesOfAWholeModelAreNearlyFull) {
+  const BakedModel model = test::bake_mesh(generate_terrain(100, 3), 16);
+  ActiveMesh mesh(model.store);
+  RefineDelta delta;
+  for (const VertexId u : test::all_splits(model.store)) ASSERT_TRUE(mesh.split(u, delta));
+  const AbTree tree(mesh);
+  const TreeView view = tree.view(model.header.grid);
+  std::size_t nodes = 0, lanes = 0;
+  std::vector<TreeEntry> stack{view.root()};
+  while (!stack.empty()) {
+    const TreeEntry entry = stack.back();
+    stack.pop_back();
+    if (entry.kind() != TreeEntry::Kind::kInner) continue;
+    ++nodes;
+    view.for_each_child(entry, [&](const TreeEntry& child) {
+      ++lanes;
+      stack.push_back(child);
+    });
+  }
+  // Lowest nodes hold what is left of a slot: a terrain of more vertices has no fuller ones.
+  EXPECT_GT(static_cast<double>(lanes) / static_cast<double>(nodes), 5.5);
 }
 
 // A book's vertices hang on its spine: long chains of nodes, many of them without a face, below several roots.

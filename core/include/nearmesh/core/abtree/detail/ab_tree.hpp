@@ -51,10 +51,6 @@ class AbTree {
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
-  /// A node of the upper tree has the lanes of a node of the forest: of its descendants so many levels down, and of the
-  /// tips above these, by first vertex. So its shape follows from what is active.
-  static constexpr std::uint32_t kLevelsPerNode = 3;
-
   /// Which vertices, a bit for each or for some: 32 in a row have bits of their own.
   using VertexBits = std::uint32_t;
   static constexpr VertexBits kAllVertices = ~VertexBits{0};
@@ -69,7 +65,6 @@ class AbTree {
   struct Tip {
     NodeSpan node;
     TreePlace place = 0;
-    std::uint16_t depth = 0;        // levels of the forest above it
     bool changed = false;           // to be built anew, whichever faces are exact
     bool queued = false;            // in pending_
     std::uint32_t exact_count = 0;  // faces in the micro tree
@@ -84,20 +79,30 @@ class AbTree {
   struct Upper {
     std::array<std::uint32_t, kLanes> first_vertices;  // of the lanes, or kNone
     TreePlace parent;
-    std::uint32_t level;  // nodes above it
+    NodeSpan
+        node;  // of the forest, which its lanes share out; of the fixed tree over the roots: none
+    std::uint32_t order;  // greater than that of any node above it
     bool queued;          // in refits_
+    bool loose;           // in loose_
+    bool gone;            // while that above is packed anew: to be freed
   };
   /// Lanes [begin, end) of an upper node: where a node of the forest has its part of the tree.
   struct Lanes {
     std::uint32_t tree_node, begin, end;
-    std::uint16_t depth;
   };
+  /// Nodes of the forest that share out one of them, by first vertex: the first so many.
+  struct Cut {
+    std::array<NodeSpan, kLanes> nodes;
+    std::uint32_t count;
+  };
+  struct Packing;
 
-  std::uint32_t new_tip(NodeSpan node, TreePlace place, std::uint16_t depth);
+  std::uint32_t new_tip(NodeSpan node, TreePlace place);
   void free_tip(std::uint32_t tip);
   [[nodiscard]] std::uint32_t tip_of(VertexId active) const { return tip_of_[active.value] - 1; }
   void set_tip_of(VertexId active, std::uint32_t tip) { tip_of_.set(active.value) = tip + 1; }
   [[nodiscard]] std::uint32_t tip_at(TreePlace place) const;
+  [[nodiscard]] bool is_tip(NodeSpan node) const { return tips_[tip_of(node.first)].node == node; }
   void set_entry(TreePlace place, const TreeEntry& entry);
   [[nodiscard]] TreeEntry entry(TreePlace place) const {
     return arrays_.nodes[place / kLanes].entry(place % kLanes);
@@ -129,8 +134,17 @@ class AbTree {
   void check_bounds(std::uint32_t tip, const AxesBox& faces);
   void build_micro_tree(std::uint32_t slot);
 
+  // The upper tree: upper_tree.cpp.
   [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
   [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
+  [[nodiscard]] Cut cut(NodeSpan node) const;
+  [[nodiscard]] bool is_cut(std::uint32_t tree_node, const Cut& cut) const;
+  void loosen(std::uint32_t tree_node);
+  void pack_loose();
+  void pack(std::uint32_t tree_node);
+  void fill(std::uint32_t tree_node, const Cut& cut, Packing& packing);
+  void take_over(TreePlace from, TreePlace to, Packing& packing);
+  [[nodiscard]] std::uint32_t find_upper(NodeSpan node, const Packing& packing) const;
   void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
   bool refit_lane(TreePlace place);
@@ -139,7 +153,7 @@ class AbTree {
   [[nodiscard]] const Upper& upper(std::uint32_t tree_node) const {
     return uppers_[upper_of_[tree_node]];
   }
-  std::uint32_t new_upper(TreePlace parent);
+  std::uint32_t new_upper(TreePlace parent, NodeSpan node);
   void free_upper(std::uint32_t tree_node);
 
   const ActiveMesh* mesh_;
@@ -152,7 +166,8 @@ class AbTree {
   SparseArray<std::uint32_t> tip_of_;                            // by active vertex, plus one
   std::vector<TreePlace> root_places_;                           // of each root
   std::vector<std::uint32_t> pending_;                           // tips to look at
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
+  std::vector<std::uint32_t> loose_;                             // upper nodes to be packed anew
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // order and index of nodes, a heap
   std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
   NodeSpan contradiction_;
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
