@@ -117,7 +117,8 @@ class ServedChannel final : public subscriber::Channel {
   [[nodiscard]] wire::SessionId own_id() const override { return local_.own_id(); }
   void send(const wire::RegionSubscription& subscription) override {
     if (subscription.certificate) {
-      for (const auto& model : subscription.certificate->models) deliver_detail(model.content, subscription.publisher);
+      for (const auto& model : subscription.certificate->models)
+        deliver_detail(model.content, subscription.publisher);
     } else {
       deliver_detail(subscription.content_hash, subscription.publisher);
     }
@@ -170,8 +171,8 @@ class ServedChannel final : public subscriber::Channel {
 struct Frames {
   std::vector<double> us;  ///< without the publisher's time
   double publisher_us = 0;
-  double pairs = 0, certified = 0,
-         spared = 0;  ///< answers, in all frames; the last without a query
+  /// Answers, in all frames; the last two without a query, and with a contact.
+  double pairs = 0, certified = 0, spared = 0, touching = 0;
 };
 
 void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) {
@@ -225,6 +226,7 @@ void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) 
       ++frames.pairs;
       frames.certified += is_certified(answer.answer.status) ? 1 : 0;
       frames.spared += answer.asked && answer.answer.stats.box_tests == 0 ? 1 : 0;
+      frames.touching += answer.answer.pair_total > 0 ? 1 : 0;
     }
   }
   const auto measured = static_cast<double>(frames.us.size());
@@ -238,6 +240,7 @@ void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) 
   add("publisher", frames.publisher_us / measured, "us");
   add("pairs", frames.pairs / measured, "pairs");
   add("spared", frames.spared / measured, "pairs");
+  add("touching", frames.touching / measured, "pairs");
   add("certified", frames.pairs > 0 ? frames.certified / frames.pairs : 1, "share");
   add("held", static_cast<double>(session.stats().held_splits), "splits");
 }

@@ -5,11 +5,11 @@
 FOLDER holds the CSV files (docs/network). In a page, what stands between "<!-- table NAME -->" and "<!-- end -->" is replaced
 for the names below; other tables are left alone."""
 
+import argparse
 import csv
 import pathlib
 import re
 import statistics
-import sys
 
 
 def rows_of(path):
@@ -198,21 +198,29 @@ def restarts_flight(folder):
                  [[number(r["answers"]), number(r["certified"]), f"{r['wrong']:.0f}", f"{r['longest_lag_s']:.2f}"]])
 
 
-def main(folder, *pages):
-    folder = pathlib.Path(folder)
-    tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("pages", type=pathlib.Path, nargs="+")
+    parser.add_argument("--table", action="append", help="only this one, for each time that it is given")
+    arguments = parser.parse_args()
+    folder = arguments.folder
+    tables = {"flights on links": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
               "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "joins": joins(folder),
               "outages": outages(folder), "faults": faults(folder), "restarts": restarts(folder),
               "restarts-flight": restarts_flight(folder)}
-    for page in map(pathlib.Path, pages):
+    for name in arguments.table or []:
+        if name not in tables:
+            parser.error(f"no table {name!r}, expected one of: {', '.join(tables)}")
+    for page in arguments.pages:
         text = page.read_text()
         for name, made in tables.items():
+            if arguments.table and name not in arguments.table:
+                continue
             text = re.sub(rf"(<!-- table {name} -->\n).*?(<!-- end -->)", lambda m: m[1] + "\n" + made + "\n" + m[2], text,
                           flags=re.S)
         page.write_text(text)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 3:
-        sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main()
