@@ -23,7 +23,8 @@ ratio to nearmesh's time.
 * **nearmesh** answers on a replica that holds what these poses need and no more, certificate included. No distance is asked for: see below.
 * **The others** hold the full meshes, posed and built beforehand. Embree has no transforms: it re-places the moving body, and that
   is in its time.
-* **All answers agree**, number of pairs included, but for Bullet's pairs: its test of triangles is an approximate one.
+* **All answers agree**, number of pairs included, but for those of two whose tests of triangles are approximate: Bullet's pairs, and Coal's in 75 of
+  some 600 poses: 11 of 25 near misses of bunnies are contacts to it.
 
 `sphere` is 4,096 faces against itself, `bunny` 39,787. A number after the name is the distance in units of that of first contact;
 `near_miss` is 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million faces.
