@@ -155,31 +155,44 @@ struct AbTree::Packing {
   TreeNode node;  // and its lanes' first vertices, as they were
   std::array<std::uint32_t, kLanes> first_vertices;
   std::vector<std::uint32_t> gone;  // upper nodes
+  /// Whose lanes are to be filled, and the upper node that had its node of the forest opened: what stood below is found from there.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> unfilled;
 };
 
 void AbTree::pack(std::uint32_t tree_node) {
   upper(tree_node).loose = false;
   const Cut cut = this->cut(upper(tree_node).node);
   if (is_cut(tree_node, cut)) return;
-  Packing packing{tree_node, arrays_.nodes[tree_node], upper(tree_node).first_vertices, {}};
-  fill(tree_node, cut, packing);
+  Packing packing{tree_node, arrays_.nodes[tree_node], upper(tree_node).first_vertices, {}, {}};
+  fill(tree_node, cut, tree_node, packing);
+  while (!packing.unfilled.empty()) {  // not by calls: a forest may be deep
+    const auto [fresh, opened_in] = packing.unfilled.back();
+    packing.unfilled.pop_back();
+    fill(fresh, this->cut(upper(fresh).node), opened_in, packing);
+  }
   for (const std::uint32_t gone : packing.gone) free_upper(gone);
 }
 
 // Each lane takes over what stood for its node: a tip with what hangs in it, or an upper node with all below. Where nothing did, since its
 // node was opened, a new upper node takes over what is below.
-void AbTree::fill(std::uint32_t tree_node, const Cut& cut, Packing& packing) {
+void AbTree::fill(std::uint32_t tree_node, const Cut& cut, std::uint32_t opened_in,
+                  Packing& packing) {
   for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
     const TreePlace place = tree_node * kLanes + lane;
     const NodeSpan node = lane < cut.count ? cut.nodes[lane] : NodeSpan{{kNone}, 0};
     upper(tree_node).first_vertices[lane] = node.begin();
     if (node.size == 0) {
       arrays_.nodes[tree_node].set(lane, {});
-    } else if (is_tip(node)) {
+      continue;
+    }
+    if (is_tip(node)) {
       Tip& tip = tips_[tip_of(node.first)];
       take_over(tip.place, place, packing);
       tip.place = place;
-    } else if (const std::uint32_t below = find_upper(node, packing); below != kNone) {
+      continue;
+    }
+    const auto [below, at] = find_upper(node, opened_in, packing);
+    if (below != kNone) {
       take_over(upper(below).parent, place, packing);
       upper(below).parent = place;
     } else {
@@ -188,7 +201,7 @@ void AbTree::fill(std::uint32_t tree_node, const Cut& cut, Packing& packing) {
       inner.box = mesh_->store().box(node);  // until refit()
       inner.set(Kind::kInner, fresh, 0);
       arrays_.nodes[tree_node].set(lane, inner);
-      fill(fresh, this->cut(node), packing);
+      packing.unfilled.emplace_back(fresh, at);
     }
   }
   queue_refit(tree_node);
@@ -204,18 +217,19 @@ void AbTree::take_over(TreePlace from, TreePlace to, Packing& packing) {
     packing.gone.push_back(at);
 }
 
-// The upper node of a node of the forest, as it was before; kNone where that was opened.
-std::uint32_t AbTree::find_upper(NodeSpan node, const Packing& packing) const {
-  for (std::uint32_t at = packing.top;;) {
+// The upper node of a node of the forest, as it was before, kNone where that was opened; and the one above it, or in which it was.
+std::pair<std::uint32_t, std::uint32_t> AbTree::find_upper(NodeSpan node, std::uint32_t from,
+                                                           const Packing& packing) const {
+  for (std::uint32_t at = from;;) {
     const bool is_top = at == packing.top;
     const auto& firsts = is_top ? packing.first_vertices : upper(at).first_vertices;
     std::uint32_t lane = 0;
     while (lane + 1 < kLanes && firsts[lane + 1] <= node.begin()) ++lane;  // kNone is no vertex
     const std::uint32_t end =
         lane + 1 < kLanes && firsts[lane + 1] != kNone ? firsts[lane + 1] : upper(at).node.end();
-    if (end < node.end()) return kNone;
+    if (end < node.end()) return {kNone, at};
     const std::uint32_t below = (is_top ? packing.node : arrays_.nodes[at]).first[lane];
-    if (firsts[lane] == node.begin() && end == node.end()) return below;
+    if (firsts[lane] == node.begin() && end == node.end()) return {below, at};
     at = below;
   }
 }

@@ -10,6 +10,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "nearmesh/core/abtree/detail/tree_pages.hpp"
@@ -142,9 +143,11 @@ class AbTree {
   void loosen(std::uint32_t tree_node);
   void pack_loose();
   void pack(std::uint32_t tree_node);
-  void fill(std::uint32_t tree_node, const Cut& cut, Packing& packing);
+  void fill(std::uint32_t tree_node, const Cut& cut, std::uint32_t opened_in, Packing& packing);
   void take_over(TreePlace from, TreePlace to, Packing& packing);
-  [[nodiscard]] std::uint32_t find_upper(NodeSpan node, const Packing& packing) const;
+  [[nodiscard]] std::pair<std::uint32_t, std::uint32_t> find_upper(NodeSpan node,
+                                                                   std::uint32_t from,
+                                                                   const Packing& packing) const;
   void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
   bool refit_lane(TreePlace place);
