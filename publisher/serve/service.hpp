@@ -65,7 +65,8 @@ class Service {
     bool last = false;
     bool are_pieces = false;    ///< of a content's own bytes, instead of batches
     bool is_of_mirror = false;  ///< it made a part of a mirror, and nothing else
-    double took_s = kTurn_s;    ///< about, without sending; not by a clock, so that turns are the same in every run
+    /// About, without sending; by no clock, so turns are alike in each run.
+    double took_s = kTurn_s;
     /// In the place of all that: the peer is to ask otherwise.
     std::optional<wire::SplitBatchMessage> instead = std::nullopt;
   };
@@ -187,7 +188,8 @@ class Service {
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
-  double served_s_ = 0;  ///< goes on from turn to turn, with whoever has had least: who waits for nothing saves nothing up
+  /// Goes on from turn to turn, with whoever has had least: who waits for nothing saves nothing up.
+  double served_s_ = 0;
   double now_s_ = 0;  ///< of the last step()
   bool is_behind_ = false;
   ServiceStats stats_;
