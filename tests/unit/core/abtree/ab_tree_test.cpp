@@ -229,7 +229,6 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
 TEST(AbTree, UpperNodesArePackedAsFromScratch) {
   const BakedModel model = test::bake_mesh(generate_terrain(100, 3), 16);
   const SplitStore& store = model.store;
-  const test::TrueBoxes boxes(store);
   ActiveMesh mesh(store);
   AbTree tree(mesh);
   Random random(86);
@@ -276,7 +275,7 @@ TEST(AbTree, NodesOfAWholeModelAreNearlyFull) {
       stack.push_back(child);
     });
   }
-  // Lowest nodes hold what is left of a slot: a terrain of more vertices has no fuller ones.
+  // The lowest hold what is left of a slot.
   EXPECT_GT(static_cast<double>(lanes) / static_cast<double>(nodes), 5.5);
 }
 

@@ -80,8 +80,8 @@ class AbTree {
   struct Upper {
     std::array<std::uint32_t, kLanes> first_vertices;  // of the lanes, or kNone
     TreePlace parent;
-    NodeSpan
-        node;  // of the forest, which its lanes share out; of the fixed tree over the roots: none
+    // Of the forest, which its lanes share out; none in the fixed tree over the roots.
+    NodeSpan node;
     std::uint32_t order;  // greater than that of any node above it
     bool queued;          // in refits_
     bool loose;           // in loose_
