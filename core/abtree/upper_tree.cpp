@@ -21,6 +21,21 @@ void copy_lane(const TreeNode& from, std::uint32_t lane, TreeNode& to, std::uint
   to.kind_and_count[to_lane] = kind_and_count;
 }
 
+// Of an upper node: the first vertices of its lanes, by which these share out a node of the forest. kNone is greater than any vertex.
+using FirstVertices = std::array<std::uint32_t, kLanes>;
+
+std::uint32_t lane_of(const FirstVertices& firsts, VertexId vertex) {
+  std::uint32_t lane = 0;
+  while (lane + 1 < kLanes && firsts[lane + 1] <= vertex.value) ++lane;
+  return lane;
+}
+
+NodeSpan span_of(const FirstVertices& firsts, std::uint32_t lane, NodeSpan shared_out) {
+  const std::uint32_t end =
+      lane + 1 < kLanes ? std::min(firsts[lane + 1], shared_out.end()) : shared_out.end();
+  return {{firsts[lane]}, end - firsts[lane]};
+}
+
 }  // namespace
 
 std::uint32_t AbTree::new_upper(TreePlace parent, NodeSpan node) {
@@ -41,6 +56,16 @@ std::uint32_t AbTree::new_upper(TreePlace parent, NodeSpan node) {
   fresh.order = node.size == 0 ? 0 : ~node.size;
   fresh.queued = fresh.loose = fresh.gone = false;
   return place;
+}
+
+// A new one, in that lane. Its box there is the node's until refit(), which its own lanes will bring.
+std::uint32_t AbTree::hang_upper(TreePlace place, NodeSpan node) {
+  const std::uint32_t fresh = new_upper(place, node);
+  TreeEntry inner;
+  inner.box = mesh_->store().box(node);
+  inner.set(Kind::kInner, fresh, 0);
+  set_entry(place, inner);
+  return fresh;
 }
 
 void AbTree::free_upper(std::uint32_t tree_node) {
@@ -85,15 +110,12 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   Lanes at{place / kLanes, place % kLanes, place % kLanes + 1};
   for (NodeSpan span = store.roots()[root].node; span != node;) {
     at.tree_node = arrays_.nodes[at.tree_node].first[at.begin];
-    const auto& firsts = upper(at.tree_node).first_vertices;
-    const std::uint32_t count = lane_count(at.tree_node);
-    at.begin = 0;
-    while (at.begin + 1 < count && firsts[at.begin + 1] <= node.begin()) ++at.begin;
+    const FirstVertices& firsts = upper(at.tree_node).first_vertices;
+    at.begin = lane_of(firsts, node.first);
     at.end = at.begin + 1;
-    while (at.end < count && firsts[at.end] < node.end()) ++at.end;
+    while (at.end < kLanes && firsts[at.end] < node.end()) ++at.end;
     if (at.end > at.begin + 1) break;  // it was opened here
-    const std::uint32_t end = at.end < count ? firsts[at.end] : upper(at.tree_node).node.end();
-    span = {{firsts[at.begin]}, end - firsts[at.begin]};
+    span = span_of(firsts, at.begin, upper(at.tree_node).node);
   }
   return at;
 }
@@ -196,12 +218,7 @@ void AbTree::fill(std::uint32_t tree_node, const Cut& cut, std::uint32_t opened_
       take_over(upper(below).parent, place, packing);
       upper(below).parent = place;
     } else {
-      const std::uint32_t fresh = new_upper(place, node);
-      TreeEntry inner;
-      inner.box = mesh_->store().box(node);  // until refit()
-      inner.set(Kind::kInner, fresh, 0);
-      arrays_.nodes[tree_node].set(lane, inner);
-      packing.unfilled.emplace_back(fresh, at);
+      packing.unfilled.emplace_back(hang_upper(place, node), at);
     }
   }
   queue_refit(tree_node);
@@ -222,14 +239,12 @@ std::pair<std::uint32_t, std::uint32_t> AbTree::find_upper(NodeSpan node, std::u
                                                            const Packing& packing) const {
   for (std::uint32_t at = from;;) {
     const bool is_top = at == packing.top;
-    const auto& firsts = is_top ? packing.first_vertices : upper(at).first_vertices;
-    std::uint32_t lane = 0;
-    while (lane + 1 < kLanes && firsts[lane + 1] <= node.begin()) ++lane;  // kNone is no vertex
-    const std::uint32_t end =
-        lane + 1 < kLanes && firsts[lane + 1] != kNone ? firsts[lane + 1] : upper(at).node.end();
-    if (end < node.end()) return {kNone, at};
+    const FirstVertices& firsts = is_top ? packing.first_vertices : upper(at).first_vertices;
+    const std::uint32_t lane = lane_of(firsts, node.first);
+    const NodeSpan span = span_of(firsts, lane, upper(at).node);
+    if (span.size < node.size) return {kNone, at};
     const std::uint32_t below = (is_top ? packing.node : arrays_.nodes[at]).first[lane];
-    if (firsts[lane] == node.begin() && end == node.end()) return {below, at};
+    if (span == node) return {below, at};
     at = below;
   }
 }
@@ -260,12 +275,8 @@ void AbTree::apply_split(VertexId u) {
   const std::uint32_t lanes = upper(at).node.size == 0 ? kLanes : lane_count(at);
   if (lanes == kLanes) {
     loosen(at);
-    at = new_upper(place, node);
+    at = hang_upper(place, node);
     lane = 0;
-    TreeEntry inner;
-    inner.box = store.box(node);  // until refit(), which will reach it: both new lanes are marked
-    inner.set(Kind::kInner, at, 0);
-    set_entry(place, inner);
     upper(at).first_vertices[0] = node.begin();
   } else {
     for (std::uint32_t i = lanes - 1; i > lane; --i) move_lane(at, i, i + 1);

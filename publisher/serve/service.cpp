@@ -336,7 +336,7 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
   Peer& peer = turn.peer->second;
   peer.last_turn = ++turns_;
   served_s_ = std::max(served_s_, peer.served_s);
-  peer.served_s = served_s_ + kTurn_s;
+  peer.served_s = served_s_ + kTurn_s;  // where nothing is known of what it takes
   const auto at = turn.open;
   Open& open = at->second;
   Status fault;
@@ -357,8 +357,8 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
       return;
     }
     if (part.is_ok()) {
-      peer.served_s += part.value().took_s - kTurn_s +
-                       kBatch_s * static_cast<double>(part.value().batches.size());
+      peer.served_s = served_s_ + part.value().took_s +
+                      kBatch_s * static_cast<double>(part.value().batches.size());
       const bool last = part.value().last;
       open.is_making = part.value().is_of_mirror;
       open.is_collecting = !last && !open.is_making && part.value().batches.empty();

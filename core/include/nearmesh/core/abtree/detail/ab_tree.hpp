@@ -157,6 +157,7 @@ class AbTree {
     return uppers_[upper_of_[tree_node]];
   }
   std::uint32_t new_upper(TreePlace parent, NodeSpan node);
+  std::uint32_t hang_upper(TreePlace place, NodeSpan node);
   void free_upper(std::uint32_t tree_node);
 
   const ActiveMesh* mesh_;
