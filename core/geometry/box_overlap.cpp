@@ -251,6 +251,19 @@ double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredB
   return std::max(gap_m, on_edges * f.least_metres_per_unit * kGapShrink);
 }
 
+Extent extent_in_a(const RelativeFrame& f, const CenteredBox& b) {
+  Extent extent{.metres_per_unit = f.least_metres_per_unit * kGapShrink};
+  const Vec3 mapped = turn(f.rotation, b.center);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double* row = f.abs_rotation.data() + 3 * k;
+    const double center = mapped[k] + f.translation[k],
+                 half = f.slack + (row[0] * b.half[0] + row[1] * b.half[1] + row[2] * b.half[2]);
+    extent.lo[k] = center - half;
+    extent.hi[k] = center + half;
+  }
+  return extent;
+}
+
 DoubleTriangle to_a_units(const RelativeFrame& f, const std::array<GridPoint, 3>& b) {
   DoubleTriangle out;
   for (std::size_t i = 0; i < 3; ++i) {

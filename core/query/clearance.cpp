@@ -2,6 +2,8 @@
 #include "clearance.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -45,6 +47,53 @@ class PlacedNodes {
   std::array<PlacedLanes, kHeld> placed_;
 };
 
+/// Two parts, and how far they are apart at least.
+struct Gap {
+  double gap, by_larger;
+  TreePlace a, b;
+};
+
+/// By growing gap, nearly: gaps alike to a sixteenth go in the order of their coming, which follows from the trees' shapes. (Places in the trees'
+/// arrays depend on what was refined before, and which of two is looked at first may change the bound.) In a heap a pair would wait longer than it takes to look
+/// at it.
+class GapQueue {
+ public:
+  [[nodiscard]] bool is_empty() const { return held_words_ == 0; }
+  void push(const Gap& gap) {
+    // A float's sign is not set here; its exponent and four bits more are as many as there are steps.
+    const std::uint32_t step = std::bit_cast<std::uint32_t>(static_cast<float>(gap.gap)) >> 19;
+    const auto place = static_cast<std::uint32_t>(gaps_.size());
+    gaps_.push_back({gap, kNone});
+    std::uint64_t& word = held_[step / 64];
+    const std::uint64_t bit = std::uint64_t{1} << step % 64;
+    ((word & bit) == 0 ? first_[step] : gaps_[last_[step]].next) = place;
+    last_[step] = place;
+    word |= bit;
+    held_words_ |= std::uint64_t{1} << step / 64;
+  }
+  /// Precondition: there is one.
+  [[nodiscard]] Gap pop() {
+    const auto at = static_cast<std::uint32_t>(std::countr_zero(held_words_));
+    const std::uint32_t step = 64 * at + static_cast<std::uint32_t>(std::countr_zero(held_[at]));
+    const Held& least = gaps_[first_[step]];
+    first_[step] = least.next;
+    if (least.next == kNone) held_[at] &= held_[at] - 1;
+    if (held_[at] == 0) held_words_ &= held_words_ - 1;
+    return least.gap;
+  }
+
+ private:
+  static constexpr std::uint32_t kSteps = 4096, kNone = 0xffffffffU;
+  struct Held {
+    Gap gap;
+    std::uint32_t next;  // of its step
+  };
+  std::vector<Held> gaps_;
+  std::array<std::uint32_t, kSteps> first_, last_;  // read only where one is held
+  std::array<std::uint64_t, kSteps / 64> held_{};
+  std::uint64_t held_words_ = 0;
+};
+
 /// Pairs of boxes by growing gap. Every pair of faces lies below some pair that was counted, is still queued, or was left out
 /// with its gap noted: the least of these three is a bound, whenever the search ends.
 ///
@@ -67,21 +116,22 @@ class NearestSearch {
         placed_b_(scene.b, scene.b_in_a) {}
 
   DistanceBounds run() {
-    for (std::optional<Gap> next = Gap{0, 0, order_++, 0, 0}; next;) {
+    for (std::optional<Gap> next = Gap{0, 0, 0, 0}; next;) {
       nearest_below_.reset();
       is_diving_ = true;
       visit(*next);
       next = nearest_below_;
     }
     is_diving_ = false;
-    for (int step = 0; !queue_.empty() && is_of_use(queue_.front().gap); ++step) {
-      if (step == max_steps_) break;
-      std::pop_heap(queue_.begin(), queue_.end());
-      const Gap top = queue_.back();
-      queue_.pop_back();
-      visit(top);
+    for (int step = 0; !queue_.is_empty();) {
+      const Gap top = queue_.pop();
+      if (step < max_steps_ && is_of_use(top.gap)) {
+        ++step;
+        visit(top);
+      } else {
+        leave_out(top.gap, top.by_larger);
+      }
     }
-    for (const Gap& left : queue_) leave_out(left.gap, left.by_larger);
     const double bound = std::min(found_, least_left_);
     return with_points({.at_least_m = bound,
                         .share = found_ == bound ? 1 : bound / found_,
@@ -89,16 +139,6 @@ class NearestSearch {
   }
 
  private:
-  // Equal gaps are taken in the order of their finding, which follows from the trees' shapes. Places in the trees'
-  // arrays would not do: they depend on what was refined before, and which of two equals is looked at may change the
-  // bound.
-  struct Gap {
-    double gap, by_larger;
-    std::uint32_t order;
-    TreePlace a, b;
-    bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
-  };
-
   [[nodiscard]] bool is_of_use(double gap) const { return gap < share_ * found_; }
 
   void visit(const Gap& top) {
@@ -136,7 +176,7 @@ class NearestSearch {
       const double lost_m = kLostOfSize * (own.size[lane] * own_cell_m + other_size_m);
       // What holds above holds below.
       Gap offered{std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane]}),
-                  std::max(top.by_larger, by_larger_m[lane] - lost_m), order_++, place_a, place_b};
+                  std::max(top.by_larger, by_larger_m[lane] - lost_m), place_a, place_b};
       if (is_diving_ && (!nearest_below_ || offered.gap < nearest_below_->gap)) {
         if (!nearest_below_) {
           nearest_below_ = offered;
@@ -145,8 +185,7 @@ class NearestSearch {
         std::swap(*nearest_below_, offered);
       }
       if (is_of_use(offered.gap)) {
-        queue_.push_back(offered);
-        std::push_heap(queue_.begin(), queue_.end());
+        queue_.push(offered);
       } else {
         leave_out(offered.gap, offered.by_larger);
       }
@@ -233,8 +272,7 @@ class NearestSearch {
   const int max_steps_;
   const bool is_a_larger_;
   PlacedNodes placed_a_, placed_b_;
-  std::vector<Gap> queue_;  // a heap, the least gap first
-  std::uint32_t order_ = 0;
+  GapQueue queue_;
   bool is_diving_ = false;
   std::optional<Gap> nearest_below_;  // of what the dive has just opened
   static constexpr double kFar = std::numeric_limits<double>::infinity();

@@ -15,11 +15,16 @@ class Search {
  public:
   Search(const WorldRecord& world, const PageOf& page_of, const RelativeFrame& body_in_world,
          const GridBox& body)
-      : met_(world), page_of_(page_of), frame_(body_in_world), body_(centered(body)) {}
+      : met_(world),
+        page_of_(page_of),
+        frame_(body_in_world),
+        body_(centered(body)),
+        extent_(extent_in_a(frame_, body_)) {}
 
   Status walk(const WorldPage& page, NearTiles& out) {
     ++out.pages;
     for (const WorldEntry& entry : page.entries) {
+      if (is_farther(entry, out.apart_m)) continue;
       const CenteredBox box = centered(as_grid_box(entry.box()));
       if (const double gap_m = boxes_gap_m(frame_, box, body_, out.apart_m); gap_m > 0) {
         out.apart_m = std::min(out.apart_m, gap_m);
@@ -42,10 +47,21 @@ class Search {
   }
 
  private:
+  /// Of most entries it is enough to know that others are nearer. An entry's box may be less than its code says.
+  [[nodiscard]] bool is_farther(const WorldEntry& entry, double apart_m) const {
+    double gap = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double lo = entry.place[k], hi = lo + static_cast<double>(box_extent(entry.extent[k]));
+      gap = std::max({gap, lo - extent_.hi[k], extent_.lo[k] - hi});
+    }
+    return gap * extent_.metres_per_unit > apart_m;
+  }
+
   MetPages met_;
   const PageOf& page_of_;
   const RelativeFrame& frame_;
   CenteredBox body_;
+  Extent extent_;
 };
 
 }  // namespace

@@ -405,6 +405,24 @@ TEST(BoxesGap, PositiveExactlyWhenBoxesAreApart) {
   EXPECT_GT(apart, test::rounds(200));
 }
 
+TEST(ExtentInA, ShowsNoMoreThanAllAxes) {
+  int shown = 0;
+  for_each_free_scene(28, [&](const Scene& s, long double distance_m) {
+    const RelativeFrame f = make_relative_frame(s.a, s.b);
+    const CenteredBox a = box_around(s.in_a), b = box_around(s.in_b);
+    const Extent extent = extent_in_a(f, b);
+    double gap = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      gap = std::max(
+          {gap, a.center[k] - a.half[k] - extent.hi[k], extent.lo[k] - a.center[k] - a.half[k]});
+    const double gap_m = gap * extent.metres_per_unit;
+    shown += gap_m > 0 ? 1 : 0;
+    EXPECT_LE(gap_m, boxes_gap_m(f, a, b) + f.slack * f.metres_per_unit);
+    EXPECT_LE(gap_m, distance_m);
+  });
+  EXPECT_GT(shown, test::rounds(100));
+}
+
 TEST(TrianglesGap, IsSharp) {
   int sharp = 0;
   int scenes = 0;

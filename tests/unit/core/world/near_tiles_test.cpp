@@ -66,6 +66,22 @@ struct TiledGround {
       }
   }
 
+  /// The least of how far the boxes in a page are apart from a body, and of those below which it may meet.
+  [[nodiscard]] double apart_m(const WorldPage& page, const RelativeFrame& body_in_world,
+                               const GridBox& body) const {
+    double least_m = std::numeric_limits<double>::infinity();
+    for (const WorldEntry& entry : page.entries) {
+      const double gap_m =
+          boxes_gap_m(body_in_world, centered(as_grid_box(entry.box())), centered(body));
+      if (gap_m > 0) {
+        least_m = std::min(least_m, gap_m);
+      } else if (page.level > 0) {
+        least_m = std::min(least_m, apart_m(by_content.at(entry.content), body_in_world, body));
+      }
+    }
+    return least_m;
+  }
+
   std::vector<std::array<double, 3>> posts;
   std::map<ContentHash, BakedModel> tiles;
   WorldPages pages;
@@ -115,7 +131,7 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
   world.collect(world.root(), all);
   ASSERT_EQ(all.size(), 64U);
   Random random(3);
-  std::size_t touching = 0, listed = 0, missing = 0;
+  std::size_t touching = 0, listed = 0, missing = 0, whole = 0;
   for (int round = 0; round < 150; ++round) {
     const Scene scene = random_scene(world, random, round % 3);
     const PosedPair posed = pose_pair(world_grid(world.pages.world), scene.world, "world",
@@ -128,9 +144,13 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
       EXPECT_TRUE(check_page(page, entry, level).is_ok());
       return &page;
     };
-    const auto near = find_near_tiles(world.pages.world, world.root(), page_of,
-                                      make_relative_frame(posed.a, posed.b), box);
+    const RelativeFrame body_in_world = make_relative_frame(posed.a, posed.b);
+    const auto near = find_near_tiles(world.pages.world, world.root(), page_of, body_in_world, box);
     ASSERT_TRUE(near.is_ok()) << near.status().message();
+    if (near.value().missing.empty()) {
+      EXPECT_DOUBLE_EQ(near.value().apart_m, world.apart_m(world.root(), body_in_world, box));
+      ++whole;
+    }
     std::set<WorldEntry> known(near.value().tiles.begin(), near.value().tiles.end());
     listed += known.size();
     for (const MissingPage& page : near.value().missing) {
@@ -150,6 +170,7 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
   EXPECT_GT(touching, 150U);
   EXPECT_LT(listed, 150U * 12) << "most tiles are far from a ball";
   EXPECT_GT(missing, 10U);
+  EXPECT_GT(whole, 100U);
 }
 
 // Of a pose from the bus that makes the body smaller, as far as one may: what is told of the rest is told of the smaller body.

@@ -62,6 +62,14 @@ struct RelativeFrame {
 [[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b,
                                  double enough_m = std::numeric_limits<double>::infinity());
 
+/// Box b along a's axes, to be held against many of a's boxes. A gap along one of these, in metres, is a bound as
+/// boxes_gap_m is one, and no more than that but for what doubles round.
+struct Extent {
+  std::array<double, 3> lo{}, hi{};  ///< A's grid units; with the slack
+  double metres_per_unit = 0;        ///< at least
+};
+[[nodiscard]] Extent extent_in_a(const RelativeFrame& f, const CenteredBox& b);
+
 /// A triangle with its corners in A's grid units (doubles).
 using DoubleTriangle = std::array<std::array<double, 3>, 3>;
 /// B's triangle (B's grid units) in A's grid units; its rounding is inside the slack.
