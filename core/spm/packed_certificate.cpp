@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "packed_certificate.hpp"
 
+#include <algorithm>
 #include <bit>
+#include <optional>
 #include <string>
 #include <utility>
+
+#include "core/base/short_number.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr std::uint8_t kFlagSolidA = 1, kFlagSolidB = 2;
+constexpr std::uint8_t kFlagSolidA = 1, kFlagSolidB = 2, kFlagMoves = 4;
 
 class Packer {
  public:
@@ -47,6 +51,11 @@ class Unpacker {
   void get(std::array<float, N>& values) {
     for (float& value : values) get(value);
   }
+  void get_number(std::uint64_t& value) {
+    const std::optional<std::uint64_t> number = take_number(bytes_);
+    failed_ |= !number;
+    value = number.value_or(0);
+  }
   std::span<const std::uint8_t> take(std::size_t count) {
     if (count > bytes_.size()) {
       failed_ = true;
@@ -64,6 +73,13 @@ class Unpacker {
   bool failed_ = false;
 };
 
+/// To the bit: what is packed is what comes back.
+bool moves(const CertificateRequest::Pair& pair) {
+  const auto is_not_zero = [](float v) { return std::bit_cast<std::uint32_t>(v) != 0; };
+  return std::ranges::any_of(pair.linear_velocity_mps, is_not_zero) ||
+         std::ranges::any_of(pair.angular_velocity_radps, is_not_zero);
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> pack_certificate(const CertificateRequest& request) {
@@ -76,16 +92,18 @@ std::vector<std::uint8_t> pack_certificate(const CertificateRequest& request) {
     out.put(model.content.high);
     out.put(model.content.low);
     out.put(model.state);
-    out.put(static_cast<std::uint32_t>(model.held.size()));
+    append_number(model.held.size(), out.bytes);
     out.bytes.insert(out.bytes.end(), model.held.begin(), model.held.end());
   }
   for (const CertificateRequest::Pair& pair : request.pairs) {
     out.put(pair.a);
     out.put(pair.b);
     out.put(static_cast<std::uint8_t>((pair.solid_a ? kFlagSolidA : 0) |
-                                      (pair.solid_b ? kFlagSolidB : 0)));
+                                      (pair.solid_b ? kFlagSolidB : 0) |
+                                      (moves(pair) ? kFlagMoves : 0)));
     out.put(pair.rotation);
     out.put(pair.translation_m);
+    if (!moves(pair)) continue;
     out.put(pair.linear_velocity_mps);
     out.put(pair.angular_velocity_radps);
   }
@@ -95,18 +113,19 @@ std::vector<std::uint8_t> pack_certificate(const CertificateRequest& request) {
 Result<CertificateRequest> unpack_certificate(std::span<const std::uint8_t> bytes) {
   Unpacker in(bytes);
   CertificateRequest request;
-  std::uint8_t models = 0, pairs = 0, flags = 0, unknown = 0;
+  std::uint8_t models = 0, pairs = 0, flags = 0;
+  bool is_known = true;
   in.get(request.horizon_s);
   in.get(request.margin_m);
   in.get(models);
   in.get(pairs);
   for (int i = 0; i < models && !in.has_failed(); ++i) {
     CertificateRequest::Model& model = request.models.emplace_back();
-    std::uint32_t held = 0;
+    std::uint64_t held = 0;
     in.get(model.content.high);
     in.get(model.content.low);
     in.get(model.state);
-    in.get(held);
+    in.get_number(held);
     const std::span<const std::uint8_t> nodes = in.take(held);
     model.held.assign(nodes.begin(), nodes.end());
   }
@@ -117,13 +136,15 @@ Result<CertificateRequest> unpack_certificate(std::span<const std::uint8_t> byte
     in.get(flags);
     pair.solid_a = (flags & kFlagSolidA) != 0;
     pair.solid_b = (flags & kFlagSolidB) != 0;
-    unknown |= flags & ~(kFlagSolidA | kFlagSolidB);
+    is_known &= (flags & ~(kFlagSolidA | kFlagSolidB | kFlagMoves)) == 0;
     in.get(pair.rotation);
     in.get(pair.translation_m);
+    if ((flags & kFlagMoves) == 0) continue;
     in.get(pair.linear_velocity_mps);
     in.get(pair.angular_velocity_radps);
+    is_known &= moves(pair);
   }
-  if (in.is_whole() && unknown == 0) return request;
+  if (in.is_whole() && is_known) return request;
   return Status{
       StatusCode::kInvalidArgument,
       "certificate request: " + std::to_string(bytes.size()) + " bytes are not one whole request"};

@@ -3,8 +3,8 @@
 // How a certificate request travels, lowest byte first:
 // | horizon, margin | a float each |
 // | models, pairs | a byte each: how many follow |
-// | each model | its content's two words, the high one first; its state, a word; bytes of what is held, 4 bytes; these |
-// | each pair | places of a and b, a byte each; solid: 1 a, 2 b; 13 floats: rotation, translation, velocities |
+// | each model | its content's two words, the high one first; its state, a word; how many bytes say what is held (short_number.hpp); these |
+// | each pair | places of a and b, a byte each; flags: 1 a is solid, 2 b, 4 it moves; floats: rotation, translation and, where it moves, velocities |
 
 #include <cstdint>
 #include <span>

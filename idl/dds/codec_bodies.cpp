@@ -11,6 +11,7 @@
 
 #include "codec.hpp"
 #include "codec_fields.hpp"
+#include "core/base/short_number.hpp"
 
 namespace nearmesh::wire {
 

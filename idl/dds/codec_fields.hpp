@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the codecs share: lists of words, lines of text and numbers of few bytes, as samples carry them. For codec_*.cpp alone.
+// What the codecs share: lists of words and lines of text, as samples carry them. For codec_*.cpp alone.
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -73,28 +71,6 @@ inline void append_content(const ContentHash& content, std::vector<std::uint64_t
 template <class Words>
 ContentHash content_at(const Words& words, std::size_t at) {
   return {words[kWordsPerContent * at], words[kWordsPerContent * at + 1]};
-}
-
-inline constexpr unsigned kMostBits = 56;  // of a difference of two places, and its sign
-
-/// Seven bits a byte, the lowest first.
-inline void append_number(std::uint64_t rest, Octets& to) {
-  for (; rest >= 128; rest >>= 7U) to.push_back(static_cast<std::uint8_t>(rest % 128 + 128));
-  to.push_back(static_cast<std::uint8_t>(rest));
-}
-
-/// Takes it away from the bytes; nothing where it does not end, is longer than it must be, or too large.
-inline std::optional<std::uint64_t> take_number(std::span<const std::uint8_t>& bytes) {
-  std::uint64_t number = 0;
-  for (unsigned shift = 0; shift < kMostBits && !bytes.empty(); shift += 7) {
-    const std::uint8_t byte = bytes.front();
-    bytes = bytes.subspan(1);
-    number |= static_cast<std::uint64_t>(byte % 128) << shift;
-    if (byte >= 128) continue;
-    if (byte == 0 && shift > 0) return std::nullopt;
-    return number;
-  }
-  return std::nullopt;
 }
 
 }  // namespace nearmesh::wire

@@ -34,7 +34,7 @@ struct Below final : rtps::ChainingTransportDescriptor {
   [[nodiscard]] rtps::TransportInterface* create_transport() const override { return nullptr; }
 };
 
-/// One transport with a door: what comes in passes it. What goes out does so where it is paced.
+/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without statistics, and paced.
 class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
@@ -44,16 +44,15 @@ class Door final : public ChainedTransport, private LeaseEnd {
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
 
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
-    return watch_->paces() ? outgoing_.open(*low_level_transport_, senders, locator)
+    return is_udp(locator) ? outgoing_.open(*low_level_transport_, senders, locator)
                            : low_level_transport_->OpenOutputChannel(senders, locator);
   }
   /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
-    const bool is_udp = locator.kind == LOCATOR_KIND_UDPv4 || locator.kind == LOCATOR_KIND_UDPv6;
     return ChainingTransport::OpenInputChannel(
         locator, receiver,
-        is_udp ? std::max(max_message_bytes, kLargestDatagramBytes) : max_message_bytes);
+        is_udp(locator) ? std::max(max_message_bytes, kLargestDatagramBytes) : max_message_bytes);
   }
   bool CloseInputChannel(const Locator_t& locator) override {
     close();
@@ -71,12 +70,15 @@ class Door final : public ChainedTransport, private LeaseEnd {
   }
 
  private:
+  static bool is_udp(const Locator_t& locator) {
+    return locator.kind == LOCATOR_KIND_UDPv4 || locator.kind == LOCATOR_KIND_UDPv6;
+  }
+
   void judge(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
              const Locator_t& local, const Locator_t& remote) {
-    const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
-    const MessageSource from{is_udp,
-                             is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}};
+    const MessageSource from{
+        is_udp(remote), is_udp(remote) ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}};
     std::span<const std::uint8_t> message(data, size);
     std::vector<std::uint8_t> of_next;
     for (std::size_t speakers = 1;; ++speakers) {
@@ -192,7 +194,8 @@ class Door final : public ChainedTransport, private LeaseEnd {
   const std::shared_ptr<DoorWatch> watch_;
   OutgoingFilter outgoing_{
       [this](std::span<const std::uint8_t> message, OutgoingFilter::Places& places) {
-        watch_->leave_out_repeats(message, places, place_of);
+        if (watch_->paces()) watch_->leave_out_repeats(message, places, place_of);
+        return size_without_statistics(message);
       }};
   std::mutex copies_mutex_;
   std::vector<std::unique_ptr<RtpsCopy>> copies_;  ///< that nobody uses now

@@ -433,8 +433,9 @@ inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 
 class OutgoingFilter {
  public:
   using Places = std::vector<rtps::Locator_t>;
-  /// Takes away places to which the message does not go. Called with the participant's senders locked.
-  using LeaveOut = std::function<void(std::span<const std::uint8_t> message, Places& places)>;
+  /// Takes away places to which the message does not go. Out: how many of its bytes go. Called with the participant's senders locked.
+  using LeaveOut =
+      std::function<std::size_t(std::span<const std::uint8_t> message, Places& places)>;
 
   explicit OutgoingFilter(LeaveOut leave_out) : leave_out_(std::move(leave_out)) {}
 
@@ -479,7 +480,7 @@ class OutgoingFilter {
       } catch (const std::bad_alloc&) {
         // The others lose it, as they may lose any datagram.
       }
-      filter.leave_out_(message, places);
+      message = message.first(filter.leave_out_(message, places));
       if (places.empty()) return true;
       bool sent = true;
       for (const auto& one : below) {

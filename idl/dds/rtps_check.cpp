@@ -449,6 +449,23 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn
   return verdict;
 }
 
+std::size_t size_without_statistics(std::span<const std::uint8_t> message) {
+  constexpr std::size_t kAll = 4 + kStatisticsBytes;
+  if (message.size() < kHeaderBytes + kAll) return message.size();
+  const std::size_t end = message.size() - kAll;
+  // By the lengths of what comes before: any byte may be 0x80.
+  std::size_t at = kHeaderBytes;
+  while (at < end) {
+    const bool little_endian = (message[at + 1] & 1) != 0;
+    const std::size_t length = Cursor(message.subspan(at + 2, 2), little_endian).u16();
+    if (length == 0 && message[at] != kPad && message[at] != kInfoTimestamp) break;
+    at += 4 + length;
+  }
+  const bool is_there = at == end && message[at] == kStatistics;
+  const bool would_be_another = end >= kHeaderBytes + kAll && message[end - kAll] == kStatistics;
+  return is_there && !would_be_another ? end : message.size();
+}
+
 std::vector<std::uint8_t> rtps_of_next_speaker(std::span<const std::uint8_t> message,
                                                const RtpsVerdict& verdict) {
   const Bytes info = message.subspan(verdict.next_speaker_at, kInfoSourceBytes);

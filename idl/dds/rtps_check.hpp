@@ -140,6 +140,10 @@ struct RtpsVerdict {
 /// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws std::bad_alloc.
 [[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
 
+/// How much of a message that Fast DDS sends by UDP goes out: all but the 60 bytes of statistics at its end, which no door hands on. Where
+/// another 0x80 would stand 60 bytes before the end then, all of it: Fast DDS 2.9 writes its statistics over what begins so.
+[[nodiscard]] std::size_t size_without_statistics(std::span<const std::uint8_t> message);
+
 /// What the next speaker says, as a message of its own. In: a verdict of `message` that names one. Throws std::bad_alloc.
 [[nodiscard]] std::vector<std::uint8_t> rtps_of_next_speaker(std::span<const std::uint8_t> message,
                                                              const RtpsVerdict& verdict);

@@ -28,6 +28,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (verdict.refusal) return 0;
   ParticipantBook().hold_back(verdict);
   FUZZ_CHECK(verdict.size <= count && verdict.size >= 20);
+  const std::size_t sent = size_without_statistics({bytes.get(), count});
+  FUZZ_CHECK(sent == count || sent + 60 == count);
   std::size_t at = 20;
   while (at + 4 <= verdict.size) {
     const bool little_endian = (bytes[at + 1] & 1) != 0;

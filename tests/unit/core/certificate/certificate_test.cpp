@@ -618,6 +618,27 @@ TEST(CertificateRequests, ComeBackAsTheyWerePacked) {
   EXPECT_FALSE(unpack_certificate(longer).is_ok());
 }
 
+TEST(CertificateRequests, WhatRestsTakesNoVelocities) {
+  CertificateRequest request;
+  request.models = {{{1, 2}, 3, {}}, {{4, 5}, 6, {}}};
+  request.pairs = {relative({}, {})};
+  const std::vector<std::uint8_t> at_rest = pack_certificate(request);
+  EXPECT_EQ(at_rest.size(), 91U);
+  request.pairs[0].angular_velocity_radps[2] = -0.0F;
+  std::vector<std::uint8_t> moving = pack_certificate(request);
+  EXPECT_EQ(moving.size(), at_rest.size() + 24);
+  const Result<CertificateRequest> back = unpack_certificate(moving);
+  ASSERT_TRUE(back.is_ok()) << back.status().message();
+  EXPECT_EQ(pack_certificate(back.value()), moving);
+  // Each request has one form.
+  ASSERT_EQ(moving.back(), 0x80);
+  moving.back() = 0;
+  EXPECT_FALSE(unpack_certificate(moving).is_ok());
+  std::vector<std::uint8_t> of_later_flags = at_rest;
+  of_later_flags[at_rest.size() - 29] |= 8;
+  EXPECT_FALSE(unpack_certificate(of_later_flags).is_ok());
+}
+
 TEST(CertificateRequests, OutOfRangeAreRefused) {
   CertificateRequest good;
   good.models = {{{1, 2}, 3, {}}};

@@ -226,6 +226,42 @@ TEST(RtpsCheck, CutsStatisticsOffTheEnd) {
   EXPECT_EQ(check_rtps(m.bytes).size, size);
 }
 
+TEST(SizeWithoutStatistics, IsThatOfAllBeforeThem) {
+  for (const std::size_t payload : {9, 200, 1200}) {
+    Rtps m = message();
+    m.timestamp();
+    sample(4, [&](Rtps& s) { s.encapsulation(1).zeros(payload).align(); })(m);
+    const std::size_t size = m.bytes.size();
+    EXPECT_EQ(size_without_statistics(m.bytes), size) << "there are none";
+    m.statistics();
+    EXPECT_EQ(size_without_statistics(m.bytes), size);
+  }
+}
+
+TEST(SizeWithoutStatistics, WhatLooksLikeThemInASampleStays) {
+  Rtps m = message();
+  sample(4, [&](Rtps& s) { s.encapsulation(1).zeros(100).u8(0x80).u8(1).u16(56).zeros(56); })(m);
+  EXPECT_EQ(size_without_statistics(m.bytes), m.bytes.size());
+}
+
+TEST(SizeWithoutStatistics, NothingIsLeftOutWhereFastDdsWouldTakeAnotherByteForTheirBegin) {
+  Rtps m = message();
+  sample(4, [&](Rtps& s) { s.encapsulation(1).zeros(100).u8(0x80).zeros(59); })(m);
+  const std::size_t size = m.bytes.size();
+  ASSERT_EQ(m.bytes[size - 60], 0x80);
+  m.statistics();
+  EXPECT_EQ(size_without_statistics(m.bytes), m.bytes.size());
+  m.bytes[size - 60] = 0x81;
+  EXPECT_EQ(size_without_statistics(m.bytes), size);
+}
+
+TEST(SizeWithoutStatistics, OfWhatIsCutIsAllOfIt) {
+  Rtps m = message();
+  m.timestamp().heartbeat(1, 1).statistics();
+  for (std::size_t size = 0; size < m.bytes.size(); ++size)
+    EXPECT_EQ(size_without_statistics(std::span(m.bytes).first(size)), size);
+}
+
 TEST(RtpsCheck, LeavesOtherVendorsSubmessagesAlone) {
   Rtps m(nearmesh::test::key_of(1), 0x0110);
   m.begin(0x80).zeros(8).end().timestamp();
