@@ -83,7 +83,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
     std::vector<std::uint8_t> of_next;
     for (std::size_t speakers = 1;; ++speakers) {
       RtpsVerdict verdict = watch_->check(message, from);
-      if (!verdict.refusal && !verdict.is_repeat) let_in(next, message, verdict, local, remote);
+      if (!verdict.refusal) let_in(next, message, verdict, local, remote);
       if (verdict.next_speaker_at == 0) return;
       if (speakers == kMaxSpeakers) {
         watch_->count(DoorRefusal::kSource);

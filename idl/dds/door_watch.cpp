@@ -67,8 +67,6 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
     const bool was_known = !verdict.announcement || book_.is_known(verdict.source);
     verdict.refusal = book_.hear(verdict, from);
     if (!verdict.refusal && rules_.is_plain) book_.hold_back(verdict);
-    if (!verdict.refusal && rules_.is_plain && identities_ == nullptr && from.is_udp)
-      verdict.is_repeat = book_.repeats(verdict);
     if (!verdict.refusal && paces()) note_for_pace(verdict, was_known);
   }
   if (verdict.refusal) count(*verdict.refusal);

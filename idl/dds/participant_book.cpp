@@ -25,7 +25,6 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .lease_s = message.announcement->lease_s,
                 .announced_s = now_s_,
                 .sequence = message.announcement->sequence,
-                .handed_on_s = {},
                 .has_spoken = false,
                 .ports = {},
                 .begun = {}};
@@ -51,21 +50,8 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
     known.period_s = now_s_ - known.announced_s;
     known.announced_s = now_s_;
   }
-  if (message.announcement->sequence > known.sequence) {
-    known.sequence = message.announcement->sequence;
-    known.handed_on_s.reset();
-  }
+  known.sequence = std::max(known.sequence, message.announcement->sequence);
   return std::nullopt;
-}
-
-bool ParticipantBook::repeats(const RtpsVerdict& message) {
-  if (!message.only_announces) return false;
-  const auto at = known_.find(message.source);
-  if (at == known_.end()) return false;
-  std::optional<double>& handed_on_s = at->second.handed_on_s;
-  if (handed_on_s && now_s_ - *handed_on_s < kRepeat_s) return true;
-  handed_on_s = now_s_;
-  return false;
 }
 
 /// Where the message tells of an endpoint, what was counted of it before was another's: of an earlier message, and of this one too, for a

@@ -21,7 +21,7 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// Six rules:
+/// Five rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
 ///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
@@ -31,8 +31,6 @@ struct MessageSource {
 ///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
 ///   more than such invented ones as never speak again can be within that.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
-/// * **Who repeats itself.** Of each participant an announcement is handed on once in kRepeat_s. Fast DDS announces itself to all anew
-///   for each participant that it hears of, by two ways: where n come at once, each is told n^2 times what it knows, and reads it all.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
 /// * **Who has long spoken.** Where a heartbeat begins far beyond what was handed on of its writer, Fast DDS counts up to there, and
@@ -45,8 +43,7 @@ class ParticipantBook {
   static constexpr double kMoved_s = 5;
   static constexpr double kBurst = 256;
   static constexpr double kNewcomersPerSecond = 50;
-  static constexpr double kAgain_s = 0.05;  ///< between the two words of who is held back
-  static constexpr double kRepeat_s = 0.5;
+  static constexpr double kAgain_s = 0.05;          ///< between the two words of who is held back
   static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
   static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
   static constexpr double kOnlyAnnounced_s = 60;
@@ -58,9 +55,6 @@ class ParticipantBook {
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
                                                 const MessageSource& from);
-
-  /// A message that hear() took says what was handed on just now, and nothing else. If not, it is to be handed on.
-  [[nodiscard]] bool repeats(const RtpsVerdict& message);
 
   /// Of a message that hear() took: changes where its heartbeats begin, if that is too far. May throw std::bad_alloc.
   void hold_back(RtpsVerdict& message);
@@ -89,8 +83,7 @@ class ParticipantBook {
     double lease_s = 0;
     double announced_s = 0, period_s = 0;  ///< of its announcements
     std::int64_t sequence = 0;
-    std::optional<double> handed_on_s;  ///< with that sequence number
-    bool has_spoken = false;            ///< has said more than that it is there
+    bool has_spoken = false;  ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
     /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
     std::map<std::uint32_t, std::int64_t> begun;

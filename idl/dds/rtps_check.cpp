@@ -413,7 +413,6 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn
   const std::uint16_t vendor = static_cast<std::uint16_t>(message[6] << 8 | message[7]);
   std::copy_n(message.begin() + 8, verdict.source.size(), verdict.source.begin());
   Submessages submessages{message, verdict, turn};
-  std::size_t words = 0;
   for (std::size_t at = kHeaderBytes; at < message.size();) {
     if (message.size() - at < 4) {
       verdict.refusal = DoorRefusal::kSubmessages;
@@ -442,10 +441,8 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn
       verdict.size = at;
       break;
     }
-    if (id != kInfoTimestamp && id != kInfoDestination) ++words;
     at += 4 + length;
   }
-  verdict.only_announces = verdict.announcement && words == 1;
   return verdict;
 }
 

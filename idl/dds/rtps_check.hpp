@@ -107,9 +107,6 @@ struct RtpsVerdict {
   std::size_t size = 0;
   ParticipantKey source{};
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
-  bool only_announces = false;                   ///< and says nothing else
-  /// The same was handed on a moment ago: to be left out (ParticipantBook::repeats).
-  bool is_repeat = false;
   /// Whom a handshake of the source's shows itself to be: a certificate in PEM, as it stands in the message. Empty: it does not.
   std::span<const std::uint8_t> certificate;
   /// Holds an announcement, of whomever, or a handshake: what makes Fast DDS match the endpoints by which participants get to know

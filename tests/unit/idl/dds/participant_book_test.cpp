@@ -186,33 +186,6 @@ TEST_F(ParticipantBookTest, WhoseLeaseIsOverHasGone) {
   EXPECT_TRUE(hears(announcement_of(1)));  // and may come again
 }
 
-TEST_F(ParticipantBookTest, AnAnnouncementIsHandedOnOnceInAWhile) {
-  RtpsVerdict word = announcement_of(1);
-  word.only_announces = true;
-  const auto repeats = [&](const RtpsVerdict& said) { return hears(said) && book.repeats(said); };
-  EXPECT_FALSE(repeats(word));
-  EXPECT_TRUE(repeats(word));
-  book.tick(0.25);
-  EXPECT_TRUE(repeats(word));
-  book.tick(0.25);
-  EXPECT_FALSE(repeats(word));
-  // What is new, or says more, is none; nor is another's.
-  RtpsVerdict changed = announcement_of(1, 20, 2);
-  changed.only_announces = true;
-  EXPECT_FALSE(repeats(changed));
-  EXPECT_TRUE(repeats(changed));
-  changed.only_announces = false;
-  EXPECT_FALSE(repeats(changed));
-  RtpsVerdict other = announcement_of(2);
-  other.only_announces = true;
-  EXPECT_FALSE(repeats(other));
-  // Who has left is new again.
-  RtpsVerdict farewell = changed;
-  farewell.announcement->leaves = true;
-  EXPECT_TRUE(hears(farewell));
-  EXPECT_FALSE(repeats(word));
-}
-
 TEST_F(ParticipantBookTest, AnyWordIsALifeSign) {
   ASSERT_TRUE(hears(announcement_of(1, 2)));
   for (int i = 0; i < 30; ++i) {

@@ -281,7 +281,7 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_poses", "site/v*/body_proses");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v12/body_poses");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v13/body_poses");
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {
