@@ -8,6 +8,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 
 #include "nearmesh/idl/dds/door.hpp"
+#include "nearmesh/idl/dds/identity.hpp"
 
 namespace flight_sim {
 
@@ -17,7 +18,8 @@ namespace fdds = eprosima::fastdds::dds;
 const decltype(std::declval<fdds::DataReader&>().take_next_sample(nullptr, nullptr)) kOk{};
 
 std::unique_ptr<HostBus> HostBus::join(const std::string& profiles_file, const std::string& profile,
-                                       std::uint32_t domain, std::string& why) {
+                                       std::uint32_t domain, const std::string& security,
+                                       std::string& why) {
   auto* factory = fdds::DomainParticipantFactory::get_instance();
   if (factory->load_XML_profiles_file(profiles_file) != kOk) {
     why = profiles_file + ": not a file of Fast DDS profiles";
@@ -26,6 +28,13 @@ std::unique_ptr<HostBus> HostBus::join(const std::string& profiles_file, const s
   auto bus = std::make_unique<HostBus>();
   fdds::DomainParticipantQos qos;
   factory->get_participant_qos_from_profile(profile, qos);
+  if (!security.empty()) {
+    const nearmesh::Status added = nearmesh::wire::add_identity(qos, security, domain);
+    if (!added.is_ok()) {
+      why = added.message();
+      return nullptr;
+    }
+  }
   nearmesh::wire::add_door(qos);  // what comes in is checked before Fast DDS reads it
   bus->participant = factory->create_participant(domain, qos);
   if (bus->participant == nullptr) {
@@ -44,7 +53,8 @@ std::unique_ptr<HostBus> HostBus::join(const std::string& profiles_file, const s
         bus->subscriber->create_datareader_with_profile(bus->topic, "state", &bus->listener);
   }
   if (bus->writer != nullptr && bus->reader != nullptr) return bus;
-  why = profiles_file + ": Fast DDS could not make the topic flight_sim/state";
+  why = "Fast DDS could not make the topic flight_sim/state: profiles from " + profiles_file +
+        (security.empty() ? "" : ", permissions from " + security);
   return nullptr;
 }
 

@@ -19,10 +19,11 @@ namespace flight_sim {
 
 class HostBus {
  public:
-  /// Null where the profiles or Fast DDS refuse; `why` says so.
+  /// With the identity in folder `security`, unless that is "". Null where the profiles, the identity or Fast DDS refuse; `why` says so.
   [[nodiscard]] static std::unique_ptr<HostBus> join(const std::string& profiles_file,
                                                      const std::string& profile,
-                                                     std::uint32_t domain, std::string& why);
+                                                     std::uint32_t domain,
+                                                     const std::string& security, std::string& why);
   ~HostBus();
   void publish(const Aircraft& aircraft, std::uint64_t step);
   /// States that came since the last call.

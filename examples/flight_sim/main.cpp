@@ -24,7 +24,7 @@ using namespace flight_sim;
 enum class Policy { kHold, kProceed, kConservative };
 
 struct Options {
-  std::string profiles = "profiles.xml", profile = "flight_sim", callsign = "alpha";
+  std::string profiles = "profiles.xml", profile = "flight_sim", callsign = "alpha", security;
   std::uint32_t domain = 0, aircraft = 2;
   std::uint64_t seed = 1;
   double seconds = 20, budget_ms = 2, wait_s = 0;
@@ -129,7 +129,7 @@ int run(const Options& options) {
       make_fleet(ground, options.callsign, options.aircraft, options.seed);
   std::string why;
   const std::unique_ptr<HostBus> bus =
-      HostBus::join(options.profiles, options.profile, options.domain, why);
+      HostBus::join(options.profiles, options.profile, options.domain, options.security, why);
   if (bus == nullptr) return fail(why);
 
   // ---- nearmesh: begin
@@ -217,7 +217,11 @@ int main(int argc, char** argv) {
   app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, 232));
   app.add_option("--profiles", options.profiles, "XML file of the simulator's QoS profiles");
   app.add_option("--profile", options.profile,
-                 "participant profile in it: flight_sim, or flight_sim_loopback for one machine");
+                 "participant profile in it: flight_sim, flight_sim_secured on a secured bus, or "
+                 "flight_sim_loopback for one machine");
+  app.add_option("--security", options.security,
+                 "folder of this simulator's identity, made with --topic flight_sim/state: joins a "
+                 "secured bus");
   app.add_option("--callsign", options.callsign, "first part of the own aircraft's names")
       ->check(CLI::Validator(
           [](const std::string& text) {

@@ -8,7 +8,6 @@
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
-#include "dds_security.hpp"
 #include "dds_transport.hpp"
 #include "door_watch.hpp"
 #include "idl/messages/process_name.hpp"
@@ -373,7 +372,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->silence_s_ = options.transport.silence_s;
   if (options.host_participant != nullptr) {
     bus->participant_ = options.host_participant;
-    bus->door_ = door_watch_of(*bus->participant_);
+    bus->door_ = door_watch_of(bus->participant_->get_qos());
     bus->add_routes();
     return bus;
   }
@@ -384,7 +383,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   speak_as_2_9(qos);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
   if (!options.transport.security.empty()) {
-    NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
+    NEARMESH_RETURN_IF_ERROR(add_identity(qos, options.transport.security, options.transport.domain,
+                                          options.transport.prefix));
     bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
   }
   if (kHasFlowControllers && options.header_bytes_per_s > 0) {
@@ -408,7 +408,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->is_own_ = true;
   bus->discovery_->set_own(key_of(bus->participant_->get_instance_handle()));
   bus->add_routes();
-  bus->door_ = door_watch_of(*bus->participant_);
+  bus->door_ = door_watch_of(bus->participant_->get_qos());
   bus->door_->set_mailbox(&mailbox);
   return bus;
 }

@@ -9,6 +9,7 @@
 
 #include "fastdds_api.hpp"
 #include "nearmesh/core/base/status.hpp"
+#include "nearmesh/idl/dds/identity.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::wire {
@@ -16,12 +17,9 @@ namespace nearmesh::wire {
 /// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
 /// lost fragment costs the whole datagram.
 inline constexpr std::uint32_t kMaxDatagramBytes = 1400;
-/// With security: Fast DDS sends each step of the handshake, some 6 KB of certificates and permissions, 8.2 with the longest names, in one datagram
-/// of at most this. The kernel cuts it, and also a full batch (1,535 bytes with its protection).
-inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 10240;
-
+/// With security the kernel cuts a handshake, and also a full batch (1,535 bytes with its protection).
 [[nodiscard]] inline std::uint32_t datagram_bytes(const TransportOptions& options) {
-  return options.security.empty() ? kMaxDatagramBytes : kMaxSecuredDatagramBytes;
+  return options.security.empty() ? kMaxDatagramBytes : kSecuredDatagramBytes;
 }
 
 /// The initial peers of transport tcp. Errors: kInvalidArgument naming the one that is no address.

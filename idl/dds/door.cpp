@@ -317,8 +317,8 @@ void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   }
 }
 
-std::shared_ptr<DoorWatch> door_watch_of(const fdds::DomainParticipant& participant) {
-  const auto& transport = participant.get_qos().transport();
+std::shared_ptr<DoorWatch> door_watch_of(const fdds::DomainParticipantQos& qos) {
+  const auto& transport = qos.transport();
   if (transport.use_builtin_transports) return nullptr;
   std::shared_ptr<DoorWatch> watch;
   for (const auto& descriptor : transport.user_transports) {
@@ -330,7 +330,7 @@ std::shared_ptr<DoorWatch> door_watch_of(const fdds::DomainParticipant& particip
 }
 
 bool has_door(const fdds::DomainParticipant& participant) {
-  return door_watch_of(participant) != nullptr;
+  return door_watch_of(participant.get_qos()) != nullptr;
 }
 
 }  // namespace nearmesh::wire

@@ -148,6 +148,6 @@ class DoorWatch {
 
 /// The watch of a participant's doors; nullptr where a transport of it has none.
 [[nodiscard]] std::shared_ptr<DoorWatch> door_watch_of(
-    const eprosima::fastdds::dds::DomainParticipant& participant);
+    const eprosima::fastdds::dds::DomainParticipantQos& qos);
 
 }  // namespace nearmesh::wire

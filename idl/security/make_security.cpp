@@ -58,6 +58,38 @@ std::string read_file(const fs::path& path) {
   return text.str();
 }
 
+/// Room in the message of the handshake, beside the longest names of identities and topics of nearmesh's own.
+constexpr std::size_t kMaxTopics = 8, kMaxTopicBytes = 400;
+
+Status check_topics(const SecurityPlan& plan) {
+  std::size_t bytes = 0;
+  const std::string own = plan.prefix + "/";
+  for (const std::string& topic : plan.topics) {
+    bytes += topic.size();
+    const bool is_pattern = topic.ends_with("/*");
+    const std::string begin = topic.substr(0, topic.size() - (is_pattern ? 1 : 0));
+    const bool fits = !begin.empty() && begin != "/" &&
+                      std::all_of(begin.begin(), begin.end(), [](unsigned char c) {
+                        return std::isalnum(c) != 0 || std::strchr("_-./:~", c) != nullptr;
+                      });
+    if (!fits)
+      return {
+          StatusCode::kInvalidArgument,
+          "topic '" + topic +
+              "': expected letters, digits, '_', '-', '.', '/', ':' or '~', and at most \"/*\" at "
+              "its end"};
+    if (begin.starts_with(own) || (is_pattern && own.starts_with(begin)))
+      return {StatusCode::kInvalidArgument,
+              "topic '" + topic + "': topics under " + own +
+                  " are nearmesh's own, and go by role; expected another"};
+  }
+  if (plan.topics.size() <= kMaxTopics && bytes <= kMaxTopicBytes) return Status::ok();
+  return {StatusCode::kInvalidArgument,
+          "topics: " + std::to_string(plan.topics.size()) + " of " + std::to_string(bytes) +
+              " bytes; expected at most " + std::to_string(kMaxTopics) + " of together " +
+              std::to_string(kMaxTopicBytes) + ": \"name/*\" is all that begin alike"};
+}
+
 Status check_plan(const SecurityPlan& plan) {
   NEARMESH_RETURN_IF_ERROR(check_prefix(plan.prefix));
   if (plan.valid_days < 1 || plan.valid_days > kMaxValidDays)
@@ -81,7 +113,7 @@ Status check_plan(const SecurityPlan& plan) {
       return {StatusCode::kConflict, "identity " + name + " is named twice"};
     names.push_back(name);
   }
-  return Status::ok();
+  return check_topics(plan);
 }
 
 /// What a set has once.
@@ -118,7 +150,7 @@ Result<Authorities> read_authorities(const fs::path& folder, const SecurityPlan&
     return Status{StatusCode::kConflict,
                   folder.string() + "/governance.xml: made for another domain or prefix than " +
                       std::to_string(plan.domain) + " and " + plan.prefix +
-                      "; give those, or another folder"};
+                      ", or by another release; give those, or another folder"};
   auto identity = read_authority(folder, "identity_ca");
   NEARMESH_RETURN_IF_ERROR(identity);
   auto permissions = read_authority(folder, "permissions_ca");

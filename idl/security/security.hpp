@@ -31,6 +31,9 @@ struct SecurityPlan {
     Role role = Role::kSubscriber;
   };
   std::vector<Identity> identities;
+  /// Other topics that these identities may write and read, as a host's own are: up to 8 of [A-Za-z0-9_-./:~], together at most 400 bytes.
+  /// One that ends in "/*" is all that begin alike. None is nearmesh's own.
+  std::vector<std::string> topics;
   int valid_days =
       365;             ///< of everything made, from a day ago, for clocks that differ; 1 to 36,500
   bool force = false;  ///< make identities anew that exist

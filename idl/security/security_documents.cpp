@@ -183,6 +183,7 @@ std::string governance_text(std::uint32_t domain, const std::string& prefix) {
     if (kTopicFacts[place].signs_for_each)
       topics += topic_rule(names.at(place), "ENCRYPT_WITH_ORIGIN_AUTHENTICATION");
   topics += topic_rule(prefix + "/*", "ENCRYPT");
+  topics += topic_rule("*", "ENCRYPT");  // a host's own: who may use them is in its permissions
   return kHead +
          std::string(
              "omg_shared_ca_governance.xsd\">\n  <domain_access_rules>\n    <domain_rule>\n"
@@ -213,7 +214,10 @@ std::string permissions_text(const SecurityPlan& plan, const SecurityPlan::Ident
                      "</not_after>\n      </validity>\n      <allow_rule>\n"
                      "        <domains><id>" +
                      std::to_string(plan.domain) + "</id></domains>\n";
-  add_criteria(text, endpoints_of(identity.role, all_versions(plan.prefix)));
+  std::vector<Endpoint> endpoints = endpoints_of(identity.role, all_versions(plan.prefix));
+  for (const bool writes : {true, false})
+    for (const std::string& topic : plan.topics) endpoints.push_back({topic, writes, ""});
+  add_criteria(text, endpoints);
   return text +
          "      </allow_rule>\n      <default>DENY</default>\n    </grant>\n  </permissions>\n"
          "</dds>\n";

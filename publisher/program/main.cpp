@@ -152,14 +152,20 @@ void add_security_commands(CLI::App& app, Action& chosen) {
   make_command->add_option("--subscriber", making->subscribers,
                            "Names of identities that ask and move bodies");
   make_command->add_option("--recorder", making->recorders, "Names of identities that only listen");
+  make_command->add_option("--topic", making->plan.topics,
+                           "Other topics that these identities may write and read, as a host's own "
+                           "are: flight_sim/state, or flight_sim/* for all that begin so");
   make_command->add_option("--days", making->plan.valid_days, "How many days all of it is valid")
       ->capture_default_str();
   make_command->add_flag("--force", making->plan.force, "Make identities anew that exist");
   make_command->add_option("--revoke", making->revoked,
                            "Revoke all certificates that were made in these names, and make none");
-  end_help(*make_command, {"nearmesh-publisher make-security keys --domain 7 --publisher server1 "
-                           "--subscriber alice bob",
-                           "nearmesh-publisher make-security keys --domain 7 --revoke alice"});
+  end_help(*make_command,
+           {"nearmesh-publisher make-security keys --domain 7 --publisher server1 "
+            "--subscriber alice bob",
+            "nearmesh-publisher make-security keys --domain 7 --subscriber sim1 --topic "
+            "flight_sim/state",
+            "nearmesh-publisher make-security keys --domain 7 --revoke alice"});
   make_command->callback([&chosen, making] { chosen = [making] { return run(*making); }; });
 
   auto checking = std::make_shared<CheckSecurityOptions>();

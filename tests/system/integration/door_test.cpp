@@ -320,7 +320,7 @@ TEST(Door, BothSpeakersOfADatagramAreFound) {
 
 TEST(Door, WhoSpeaksFromAnotherSocketIsHeardOnceItHasBeenSilent) {
   Watcher watcher(kSockets, qos_of("door"));
-  const auto door = wire::door_watch_of(watcher.participant());
+  const auto door = wire::door_watch_of(watcher.participant().get_qos());
   const auto refused = [&] {
     return door->refused()[static_cast<std::size_t>(wire::DoorRefusal::kSource)];
   };

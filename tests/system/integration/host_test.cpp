@@ -17,6 +17,9 @@
 #include "examples/flight_sim/flight.hpp"
 #include "examples/flight_sim/host_bus.hpp"
 #include "idl/dds/fastdds_api.hpp"
+#include "idl/security/security.hpp"
+#include "nearmesh/idl/dds/door.hpp"
+#include "nearmesh/idl/dds/identity.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
 #include "process.hpp"
@@ -35,7 +38,7 @@ const char* const kProfiles = NEARMESH_FLIGHT_SIM_DIR "/profiles.xml";
 
 std::unique_ptr<HostBus> join() {
   std::string why;
-  auto bus = HostBus::join(kProfiles, "flight_sim_loopback", kDomain, why);
+  auto bus = HostBus::join(kProfiles, "flight_sim_loopback", kDomain, "", why);
   EXPECT_NE(bus, nullptr) << why;
   return bus;
 }
@@ -298,6 +301,85 @@ TEST_F(Host, WorksBesideALibraryWithACopyOfItsOwn) {
   EXPECT_EQ(hears(kDomain, test::kDeadline_s), 1);
   EXPECT_TRUE(is_ready(*session));
   EXPECT_EQ(::dlclose(library), 0);
+}
+
+/// A host on a secured bus, with an identity for its own topic and nearmesh's.
+class SecuredHost : public ::testing::Test {
+ protected:
+  static constexpr std::uint32_t kSecuredDomain = kDomain + 2;
+  test::Folder folder;
+  void SetUp() override {
+    wire::SecurityPlan plan;
+    plan.domain = kSecuredDomain;
+    plan.identities = {{"serve", wire::Role::kPublisher}, {"plain", wire::Role::kSubscriber}};
+    const Status made = wire::make_security(folder.file("set"), plan);
+    ASSERT_TRUE(made.is_ok()) << made.message();
+    plan.identities = {{"sim1", wire::Role::kSubscriber}, {"sim2", wire::Role::kSubscriber}};
+    plan.topics = {"flight_sim/state"};
+    const Status added = wire::make_security(folder.file("set"), plan);
+    ASSERT_TRUE(added.is_ok()) << added.message();
+  }
+  [[nodiscard]] std::string identity(const std::string& name) const {
+    return folder.file("set/" + name);
+  }
+  std::unique_ptr<HostBus> join_as(const std::string& name, const char* profile,
+                                   std::string& why) const {
+    return HostBus::join(kProfiles, profile, kSecuredDomain, identity(name), why);
+  }
+};
+
+TEST_F(SecuredHost, HasItsOwnTopicAndCertifiedAnswers) {
+  test::Process publisher(
+      folder, "nearmesh-publisher",
+      {"serve", test::model_file("sphere", 64), "--domain", std::to_string(kSecuredDomain),
+       "--interface", "127.0.0.1", "--security", identity("serve")});
+  ASSERT_TRUE(publisher.says("ready on domain")) << publisher.err();
+  std::string why;
+  const auto bus = join_as("sim1", "flight_sim_loopback", why);
+  ASSERT_NE(bus, nullptr) << why;
+  const auto other = join_as("sim2", "flight_sim_loopback", why);
+  ASSERT_NE(other, nullptr) << why;
+  // Somebody without an identity, on the same topic.
+  const auto stranger = HostBus::join(kProfiles, "flight_sim_loopback", kSecuredDomain, "", why);
+  ASSERT_NE(stranger, nullptr) << why;
+  auto session = make_session(*bus);
+  EXPECT_TRUE(is_ready(*session));
+  flight_sim::Aircraft aircraft;
+  aircraft.name = "alpha1";
+  std::size_t heard = 0, strange = 0;
+  EXPECT_TRUE(test::await([&] {
+    other->publish(aircraft, 7);
+    stranger->publish(aircraft, 8);
+    for (const auto& state : bus->take()) ++(state.step() == 7 ? heard : strange);
+    return heard >= 5;
+  }));
+  EXPECT_EQ(strange, 0U);
+}
+
+TEST_F(SecuredHost, IsToldWhatItsIdentityLacks) {
+  std::string why;
+  EXPECT_EQ(join_as("plain", "flight_sim_loopback", why), nullptr);
+  EXPECT_NE(why.find("could not make the topic flight_sim/state"), std::string::npos) << why;
+  EXPECT_NE(why.find("set/plain"), std::string::npos) << why;
+  EXPECT_EQ(join_as("nobody", "flight_sim_loopback", why), nullptr);
+  EXPECT_NE(why.find("set/nobody"), std::string::npos) << why;
+  // No room for a handshake: it would hear of others, and match nobody.
+  EXPECT_EQ(join_as("sim1", "flight_sim", why), nullptr);
+  EXPECT_NE(why.find("max_message_size is 1400"), std::string::npos) << why;
+}
+
+TEST_F(SecuredHost, TakesItsIdentityOnceAndBeforeTheDoor) {
+  fdds::DomainParticipantQos qos, with_door;
+  const auto add = [&](fdds::DomainParticipantQos& to) {
+    return wire::add_identity(to, identity("sim1"), kSecuredDomain);
+  };
+  EXPECT_TRUE(add(qos).is_ok());
+  const fdds::DomainParticipantQos before = qos;
+  EXPECT_EQ(add(qos).code(), StatusCode::kConflict);
+  EXPECT_TRUE(qos == before);
+  wire::add_door(with_door);
+  EXPECT_EQ(add(with_door).code(), StatusCode::kConflict);
+  EXPECT_TRUE(with_door.properties().properties().empty());
 }
 
 // ---- the whole simulator -------------------------------------------------------------------------------------------

@@ -138,6 +138,8 @@ TEST_F(Secured, LongestNamesPassTheHandshake) {
   plan.prefix = prefix;
   const std::string first(63, 'p'), second(63, 's');
   plan.identities = {{first, wire::Role::kPublisher}, {second, wire::Role::kSubscriber}};
+  plan.topics =
+      std::vector<std::string>(8, std::string(50, 't'));  // with all that may stand beside them
   const Status made = wire::make_security(folder.file("set"), plan);
   ASSERT_TRUE(made.is_ok()) << made.message();
   const auto publisher = serve(folder.file("set/" + first), kTrue);

@@ -473,11 +473,13 @@ class Victims {
             {"run", flyer.folder.file("scene.yaml"), "--answers", flyer.answers()},
             i == 0 ? "alice" : "bob");
     }
-    if (!secured_)  // it brings no identity
-      start_words("simulator", "nearmesh-example-flight-sim",
-                  {"--domain", std::to_string(exercise.domain), "--profiles",
-                   NEARMESH_FLIGHT_SIM_DIR "/profiles.xml", "--profile", "flight_sim_loopback",
-                   "--seconds", std::to_string(static_cast<int>(seconds)), "--policy", "proceed"});
+    words = {"--domain",   std::to_string(exercise.domain),
+             "--profiles", NEARMESH_FLIGHT_SIM_DIR "/profiles.xml",
+             "--profile",  "flight_sim_loopback",
+             "--seconds",  std::to_string(static_cast<int>(seconds)),
+             "--policy",   "proceed"};
+    if (secured_) words.insert(words.end(), {"--security", folder_.file("set") + "/sim"});
+    start_words("simulator", "nearmesh-example-flight-sim", words);
     if (!await([this] {
           return read_answers(flyers_[0].answers()).certified > 0 &&
                  read_answers(flyers_[1].answers()).certified > 0;
@@ -568,17 +570,17 @@ class Victims {
           if (one.value("process_id", 0) == of("publisher").id())
             requests.insert(one.at("requests").get<std::uint64_t>());
         for (const json& one : told.at("peers"))
-          if (!secured_ && one.value("process_id", 0) == of("simulator").id())
+          if (one.value("process_id", 0) == of("simulator").id())
             readiness.insert(one.at("readiness").get<std::string>());
       }
-      return requests.size() >= 2 && (secured_ || readiness.contains("ready"));
+      return requests.size() >= 2 && readiness.contains("ready");
     };
     constexpr double kStatuses_s = 4;  // one a second
     static_cast<void>(poll(look, kStatuses_s + deaf_s_, 0.1));
     process->signal(SIGINT);
     static_cast<void>(process->wait());
     if (requests.size() < 2) result.deaf.push_back("publisher: no requests");
-    if (!secured_ && !readiness.contains("ready"))
+    if (!readiness.contains("ready"))
       result.deaf.push_back("simulator: " + (readiness.empty() ? "no status" : *readiness.begin()));
   }
   /// The recorder heard poses of everybody until it was told to end.
@@ -596,10 +598,10 @@ class Victims {
           return true;
         });
     if (!read.is_ok()) throw std::runtime_error(read.message());
-    const std::size_t movers = secured_ ? 2 : 3;
-    if (heard.size() < movers)
+    constexpr std::size_t kMovers = 3;
+    if (heard.size() < kMovers)
       result.deaf.push_back("recorder: poses of " + std::to_string(heard.size()) + " of " +
-                            std::to_string(movers));
+                            std::to_string(kMovers));
   }
   static std::int64_t wall_ns() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -623,8 +625,8 @@ class Victims {
     std::string err;
     if (run(folder_, "nearmesh-publisher",
             {"make-security", folder_.file("set"), "--publisher", "serve", "--subscriber", "alice",
-             "--subscriber", "bob", "--subscriber", "watch", "--recorder", "rec", "--domain",
-             std::to_string(exercise_.domain)},
+             "--subscriber", "bob", "--subscriber", "watch", "--subscriber", "sim", "--recorder",
+             "rec", "--topic", "flight_sim/state", "--domain", std::to_string(exercise_.domain)},
             nullptr, &err) != 0)
       throw std::runtime_error("no identities: " + err);
   }

@@ -253,9 +253,11 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
   // 8 bytes for each node and 17 for each part, filled up to a multiple of four.
   EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(valid_subscription()).size(),
             84U + 3 * 8 + 2 * 17 + 2);
-  // Of one pair of bodies: 121 bytes.
-  EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(valid_certificate_subscription()).size(),
-            84U + 121);
+  // Of one pair of bodies: 91 bytes where they rest, 115 where one moves.
+  RegionSubscription certificate = valid_certificate_subscription();
+  EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(certificate).size(), 84U + 91);
+  certificate.certificate->pairs[0].linear_velocity_mps = {1, 0, 0};
+  EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(certificate).size(), 84U + 115);
 }
 
 /// Measured with Fast DDS 2.9 and datagrams of 1,400 bytes: what is serialized to more than 1,224

@@ -11,6 +11,7 @@
 
 #include "idl/security/identity_book.hpp"
 #include "idl/security/security_crypto.hpp"
+#include "idl/security/security_documents.hpp"
 #include "tests/support/folder.hpp"
 
 namespace nearmesh::wire {
@@ -282,6 +283,41 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_poses", "site/v*/body_proses");
   expect_only_fault("permissions.p7s", "does not allow to publish site/v13/body_poses");
+}
+
+TEST_F(Security, HostsTopicsStandBesideOwn) {
+  SecurityPlan hosts = plan();
+  hosts.topics = {"flight_sim/state", "rt/*"};
+  const std::string text = permissions_text(hosts, {"alice", Role::kSubscriber}, 0);
+  for (const char* topic : {"flight_sim/state", "rt/*"}) {
+    const std::string named = std::string("<topic>") + topic + "</topic>";
+    const std::size_t publishes = text.find(named);
+    ASSERT_NE(publishes, std::string::npos) << topic;
+    EXPECT_LT(publishes, text.find("<subscribe>"));
+    EXPECT_GT(text.find(named, publishes + 1), text.find("<subscribe>"));
+  }
+  ASSERT_TRUE(make_security(folder + "/hosts", hosts).is_ok());
+  for (const char* identity : {"serve", "alice", "rec"})
+    EXPECT_TRUE(check_security(folder + "/hosts/" + identity, kDomain, kPrefix).empty());
+  // After nearmesh's own rules, of which the first that names a topic counts.
+  const std::string governance = governance_text(kDomain, kPrefix);
+  EXPECT_GT(governance.find("<topic_expression>*</topic_expression>"),
+            governance.find("<topic_expression>site/*</topic_expression>"));
+}
+
+TEST_F(Security, TopicsThatNoHostMayHaveAreRefused) {
+  const auto refusal = [](std::vector<std::string> topics) {
+    SecurityPlan hosts = plan();
+    hosts.topics = std::move(topics);
+    return make_security("/nowhere", hosts).message();
+  };
+  for (const char* topic : {"", "/*", "*", "a*", "a/*/b", "a b", "<a>", "a&b"})
+    EXPECT_NE(refusal({topic}).find("expected letters, digits"), std::string::npos) << topic;
+  // It would let everybody with it serve false detail.
+  for (const char* topic : {"site/v13/split_batch", "site/*", "site/v13/*"})
+    EXPECT_NE(refusal({topic}).find("nearmesh's own"), std::string::npos) << topic;
+  EXPECT_NE(refusal(std::vector<std::string>(9, "a")).find("at most 8"), std::string::npos);
+  EXPECT_NE(refusal({std::string(401, 'a')}).find("together 400"), std::string::npos);
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {
