@@ -19,6 +19,7 @@ using tinyxml2::XMLDocument;
 using tinyxml2::XMLElement;
 
 constexpr std::time_t kDay_s = 24 * 60 * 60;
+constexpr const char* kSignedForEach = "ENCRYPT_WITH_ORIGIN_AUTHENTICATION";
 constexpr std::array kRoles{Role::kPublisher, Role::kSubscriber, Role::kRecorder};
 
 constexpr const char* kHead =
@@ -180,8 +181,7 @@ std::string governance_text(std::uint32_t domain, const std::string& prefix) {
   const TopicNames names = all_versions(prefix);
   std::string topics;
   for (TopicPlace place = 0; place < kTopicCount; ++place)
-    if (kTopicFacts[place].signs_for_each)
-      topics += topic_rule(names.at(place), "ENCRYPT_WITH_ORIGIN_AUTHENTICATION");
+    if (kTopicFacts[place].signs_for_each) topics += topic_rule(names.at(place), kSignedForEach);
   topics += topic_rule(prefix + "/*", "ENCRYPT");
   topics += topic_rule("*", "ENCRYPT");  // a host's own: who may use them is in its permissions
   return kHead +
@@ -234,15 +234,16 @@ std::string judge_governance(const std::string& text, std::uint32_t domain,
     if (!has_domain(child_of(rule, "domains"), domain)) continue;
     if (text_of(child_of(rule, "allow_unauthenticated_participants")) != "false")
       return "lets in participants without an identity";
-    const XMLElement* topics = child_of(rule, "topic_access_rules");
-    for (const Role role : kRoles)
-      for (const Endpoint& endpoint : endpoints_of(role, TopicNames(prefix))) {
-        bool named = false;
-        for (const XMLElement* t = child_of(topics, "topic_rule"); t != nullptr;
-             t = t->NextSiblingElement("topic_rule"))
-          named |= is_named(t, "topic_expression", endpoint.topic);
-        if (!named) return "has no rule for topic " + endpoint.topic;
-      }
+    const TopicNames names(prefix);
+    for (TopicPlace place = 0; place < kTopicCount; ++place) {
+      const XMLElement* topic = child_of(child_of(rule, "topic_access_rules"), "topic_rule");
+      while (topic != nullptr && !is_named(topic, "topic_expression", names.at(place)))
+        topic = topic->NextSiblingElement("topic_rule");
+      if (topic == nullptr) return "has no rule for topic " + names.at(place);
+      if (kTopicFacts[place].signs_for_each &&
+          text_of(child_of(topic, "metadata_protection_kind")) != kSignedForEach)
+        return "has no " + std::string(kSignedForEach) + " for topic " + names.at(place);
+    }
     return "";
   }
   return "has no rule for domain " + std::to_string(domain);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a bake takes and gives, as CSV (metric,value,unit): time by phase, memory, error and self-intersections of the
-// mesh at a tenth of the vertices, size of the file and its header, opening.
+// What a bake takes and gives, as CSV (metric,value,unit): time by phase, memory, errors and faults of the mesh at a tenth
+// of the vertices, beside those of as many faces by meshoptimizer where that is installed, size of the file and its header, opening.
 //   nearmesh-bench-bake [FACES or MESH FILE] [THREADS]      default: 1,000,000 faces of terrain, every core
 // A terrain goes through a PLY file, as a user's mesh would. Phases are wall-clock; on a machine
 // with other work compare bake_processor_time. What is opened is opened by a
@@ -29,6 +29,9 @@
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
+#ifdef NEARMESH_PEER_MESHOPTIMIZER
+#include "simplify_peer.hpp"
+#endif
 
 using namespace nearmesh;
 
@@ -50,13 +53,26 @@ T must(Result<T> result) {
 
 // ---- the mesh at a tenth of the vertices ----
 
-/// The faces that the first collapses leave, as a tree; a face's key holds its place in `corners`.
+using Faces = std::vector<std::array<std::uint32_t, 3>>;
+
+/// Faces of some vertices of a mesh, as a tree; a face's key holds its place in `corners`.
 struct CoarseMesh {
+  CoarseMesh(const GridMesh& mesh, Faces faces) : corners(std::move(faces)) {
+    std::vector<TreeFace> placed;
+    placed.reserve(corners.size());
+    for (const auto& c : corners) {
+      TreeFace face{{}, {{}, static_cast<std::uint32_t>(placed.size())}};
+      for (std::size_t k = 0; k < 3; ++k) face.corners[k] = mesh.positions[c[k]];
+      placed.push_back(face);
+    }
+    tree = build_triangle_tree(mesh.grid, placed);
+  }
+  Faces corners;
   TriangleTree tree;
-  std::vector<std::array<std::uint32_t, 3>> corners;
 };
 
-CoarseMesh coarse_mesh(const GridMesh& mesh, const CollapseLog& log, std::size_t vertices_left) {
+/// That the first collapses leave.
+Faces coarse_faces(const GridMesh& mesh, const CollapseLog& log, std::size_t vertices_left) {
   const std::size_t n = mesh.positions.size();
   std::vector<std::uint32_t> stands_for(n);
   for (std::uint32_t v = 0; v < n; ++v) stands_for[v] = v;
@@ -67,18 +83,12 @@ CoarseMesh coarse_mesh(const GridMesh& mesh, const CollapseLog& log, std::size_t
     const std::uint32_t v = log.collapses[i].removed;
     stands_for[v] = stands_for[into[v]];
   }
-  CoarseMesh coarse;
-  std::vector<TreeFace> faces;
+  Faces faces;
   for (const auto& f : mesh.faces) {
     const std::array<std::uint32_t, 3> c = {stands_for[f[0]], stands_for[f[1]], stands_for[f[2]]};
-    if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) continue;
-    TreeFace face{{}, {{}, static_cast<std::uint32_t>(coarse.corners.size())}};
-    for (std::size_t k = 0; k < 3; ++k) face.corners[k] = mesh.positions[c[k]];
-    faces.push_back(face);
-    coarse.corners.push_back(c);
+    if (c[0] != c[1] && c[1] != c[2] && c[2] != c[0]) faces.push_back(c);
   }
-  coarse.tree = build_triangle_tree(mesh.grid, faces);
-  return coarse;
+  return faces;
 }
 
 using Vec = std::array<double, 3>;
@@ -264,6 +274,49 @@ std::size_t count_self_intersecting(const CoarseMesh& mesh, unsigned threads) {
   return static_cast<std::size_t>(std::count(crosses.begin(), crosses.end(), 1));
 }
 
+/// Edges of more than two faces.
+std::size_t count_non_manifold(const Faces& faces) {
+  std::vector<std::uint64_t> edges;
+  for (const auto& f : faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [lo, hi] = std::minmax(f[k], f[(k + 1) % 3]);
+      edges.push_back(std::uint64_t{lo} << 32 | hi);
+    }
+  std::sort(edges.begin(), edges.end());
+  std::size_t count = 0;
+  for (std::size_t i = 2; i < edges.size(); ++i)
+    count += edges[i] == edges[i - 2] && (i == 2 || edges[i] != edges[i - 3]) ? 1 : 0;
+  return count;
+}
+
+/// Of a terrain: faces whose upper side looks down.
+std::size_t count_turned_down(const GridMesh& mesh, const Faces& faces) {
+  return static_cast<std::size_t>(std::count_if(faces.begin(), faces.end(), [&](const auto& f) {
+    const Vec a = to_vec(mesh.positions[f[0]]);
+    const Vec u = minus(to_vec(mesh.positions[f[1]]), a),
+              v = minus(to_vec(mesh.positions[f[2]]), a);
+    return u[0] * v[1] - u[1] * v[0] < 0;
+  }));
+}
+
+void print_faults(const GridMesh& mesh, Faces faces, const std::string& whose, bool is_terrain,
+                  unsigned threads) {
+  const auto say = [&](const char* metric, double value, const char* unit) {
+    print((whose + metric).c_str(), value, unit);
+  };
+  say("faces_at_10_percent", static_cast<double>(faces.size()), "faces");
+  say("non_manifold_at_10_percent", static_cast<double>(count_non_manifold(faces)), "edges");
+  if (is_terrain)
+    say("turned_down_at_10_percent", static_cast<double>(count_turned_down(mesh, faces)), "faces");
+  const CoarseMesh coarse(mesh, std::move(faces));
+  const Errors errors = measure_error(mesh, coarse, threads);
+  say("mean_error_at_10_percent", errors.mean, "diagonals");
+  say("rms_error_at_10_percent", errors.rms, "diagonals");
+  say("greatest_error_at_10_percent", errors.greatest, "diagonals");
+  say("self_intersecting_at_10_percent",
+      static_cast<double>(count_self_intersecting(coarse, threads)), "faces");
+}
+
 // ---- opening ----
 
 /// Resident pages that belong to this process alone: not those of the file, which the kernel can drop.
@@ -334,7 +387,8 @@ void bake_small(const std::string& output) {
   must(write_model_file(model.header, model.store, model.numbers, output));
 }
 
-void bake_model(const std::string& input, const std::string& output, unsigned threads) {
+void bake_model(const std::string& input, const std::string& output, bool is_terrain,
+                unsigned threads) {
   Stopwatch whole, watch;
   IndexedMesh read = must(import_mesh(input));
   print("read", watch.lap(), "s");
@@ -374,13 +428,15 @@ void bake_model(const std::string& input, const std::string& output, unsigned th
   print("forest_depth_mean", depths / model.header.vertex_count, "splits");
   std::printf("content_hash,%s,\n", to_hex(written.content_hash).c_str());
 
-  const CoarseMesh coarse = coarse_mesh(clean.mesh, model.log, clean.mesh.positions.size() / 10);
-  const Errors errors = measure_error(clean.mesh, coarse, threads);
-  print("mean_error_at_10_percent", errors.mean, "diagonals");
-  print("rms_error_at_10_percent", errors.rms, "diagonals");
-  print("greatest_error_at_10_percent", errors.greatest, "diagonals");
-  print("self_intersecting_at_10_percent",
-        static_cast<double>(count_self_intersecting(coarse, threads)), "faces");
+  const Faces faces = coarse_faces(clean.mesh, model.log, clean.mesh.positions.size() / 10);
+  print_faults(clean.mesh, faces, "", is_terrain, threads);
+#ifdef NEARMESH_PEER_MESHOPTIMIZER
+  std::printf("meshoptimizer,%s,\n", meshoptimizer_version().c_str());
+  double seconds = 0;
+  Faces theirs = simplify_by_meshoptimizer(clean.mesh, faces.size(), seconds);
+  print("meshoptimizer_simplify", seconds, "s");
+  print_faults(clean.mesh, std::move(theirs), "meshoptimizer_", is_terrain, threads);
+#endif
 }
 
 }  // namespace
@@ -400,7 +456,7 @@ int main(int argc, char** argv) {
       const auto size = static_cast<std::uint32_t>(std::clamp(std::ceil(side), 2.0, 4096.0));
       if (!write_ply(generate_terrain(size, 1), mesh).is_ok()) ::_exit(1);
     });
-  apart([&] { bake_model(mesh, model, threads); });
+  apart([&] { bake_model(mesh, model, is_count, threads); });
   if (is_count) std::remove(mesh.c_str());
   apart([&] {
     const std::string small = stem + "-small.spm";

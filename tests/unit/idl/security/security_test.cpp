@@ -344,6 +344,10 @@ TEST_F(Security, PermissionsThatDeny) {
 TEST_F(Security, SetForAnotherBus) {
   EXPECT_EQ(check_security(alice, kDomain + 1, kPrefix).size(), 2U);  // governance, permissions
   EXPECT_EQ(check_security(alice, kDomain, "elsewhere").size(), 2U);
+  // Its last rule names all topics, but does not sign nearmesh's for each reader.
+  EXPECT_NE(judge_governance(governance_text(kDomain, kPrefix), kDomain, "elsewhere")
+                .find("no ENCRYPT_WITH_ORIGIN_AUTHENTICATION for topic elsewhere/"),
+            std::string::npos);
 }
 
 // --- Taking back
