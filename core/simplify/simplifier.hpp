@@ -31,7 +31,7 @@ inline constexpr double kBorderWeight = 10;
 /// way. Forbidding the second keeps small rings until all else is gone.
 inline constexpr double kDearFactor = 64;
 /// Weight of the squared distance from the planes merged so far, against 1 for the area of the merged box's sides (both
-/// times the area of the faces that move): until one face of kCoarseShare is left, and from there on. Boxes decide what an
+/// times the fourth root of the area of the faces that move): until one face of kCoarseShare is left, and from there on. Boxes decide what an
 /// answer takes, distances how the coarse levels look: measured in ARCHITECTURE.md.
 inline constexpr double kFineErrorWeight = 1000, kCoarseErrorWeight = 30;
 inline constexpr std::uint64_t kCoarseShare = 10;
@@ -92,11 +92,17 @@ struct Face {
 struct Cluster {
   Quadric quadric;
   GridBox box;
+  double factor = 0;  ///< of what its collapses cost: the area of its faces to the power of -3/4
 
   /// Adds another vertex's; `d` leads from that vertex to this one.
   void add(const Cluster& other, const Vec3& d) {
     quadric.add(other.quadric, d);
     box.add(other.box);
+    weigh();
+  }
+  void weigh() {
+    const double root = std::sqrt(quadric.total_weight());
+    factor = root > 0 ? 1 / (root * std::sqrt(root)) : 0;
   }
 };
 

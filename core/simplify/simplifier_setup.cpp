@@ -120,7 +120,8 @@ void Simplifier::lock_border(std::size_t own) {
 void Simplifier::add_clusters(std::size_t own) {
   clusters_.resize(vertices_.size());
   for (std::uint32_t u = 0; u < own; ++u) {
-    auto& [q, box] = clusters_[u];
+    Quadric& q = clusters_[u].quadric;
+    GridBox& box = clusters_[u].box;
     const Vertex& v = vertices_[u];
     box.add(GridPoint{v.p});
     gather_ring(u, ring_);
@@ -142,6 +143,7 @@ void Simplifier::add_clusters(std::size_t own) {
           q.add_line(e, kBorderWeight);
       }
     }
+    clusters_[u].weigh();
   }
 }
 
