@@ -327,6 +327,7 @@ def security(page):
         page.folder = home / "hosts/alice"
         page.expect(page.run("nearmesh-subscriber run scene.yaml --domain 7 --security nearmesh-key"), r"[1-9]\d* contact", " 0 uncertain")
     page.folder = home
+    page.run("nearmesh-publisher make-security keys --domain 7 --subscriber sim1 sim2 --topic flight_sim/state 'flight_sim/events/*'")
     page.run("nearmesh-publisher make-security keys --domain 7 --revoke alice")
     page.run("scp keys/server1/identity_crl.pem server1:nearmesh-key/")
 
@@ -375,6 +376,10 @@ def example_flight_sim(page):
         page.run(line)
     with page.going_on("./nearmesh-publisher serve terrain.spm aircraft.spm --domain 7 --interface 127.0.0.1", "ready on domain"):
         page.expect(page.run(next(line for line in page.lines if "nearmesh-example-flight-sim" in line)), "flight_sim alpha: 2000 steps")
+    shutil.rmtree(page.folder / "keys", ignore_errors=True)
+    page.run("./nearmesh-publisher make-security keys --domain 7 --publisher server1 --subscriber alpha --topic flight_sim/state")
+    with page.going_on("./nearmesh-publisher serve terrain.spm aircraft.spm --domain 7 --interface 127.0.0.1 --security keys/server1", "ready on domain"):
+        page.expect(page.run(next(line for line in page.lines if "--security keys/alpha" in line)), r"flight_sim alpha: 2000 steps, .*[1-9]\d* free")
 
 
 def example_flightgear(page):

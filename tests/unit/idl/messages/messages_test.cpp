@@ -288,9 +288,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 13;
+    message.wire_version = kWireVersion + 1;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 13, this build speaks 12");
+    EXPECT_EQ(check(message).message(), "wire version 14, this build speaks 13");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
