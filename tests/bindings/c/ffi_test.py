@@ -28,7 +28,9 @@ def fly(near, folder):
         answer = pair.answer.contents
         assert frame.answer_count == 1 and answer.is_certified and pair.reason == b"", (step, pair.reason)
         if height_m > 2.001:
-            assert answer.status == ffi.FREE and 0 < answer.clearance_m <= height_m - 1.9, (height_m, answer.clearance_m)
+            # A half-space may tell the two apart by nothing; from afar their boxes are apart.
+            least_m = 1e-9 if height_m > 2.5 else 0
+            assert answer.status == ffi.FREE and least_m <= answer.clearance_m <= height_m - 1.9, (height_m, answer.clearance_m)
         if height_m < 1.9:
             assert answer.status == ffi.CONTACT and answer.pair_count > 0 and answer.pairs[0][1] < 1000
         seen.append(answer.status)

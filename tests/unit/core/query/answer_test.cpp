@@ -3,6 +3,7 @@
 #include "core/query/answer.hpp"
 
 #include "brute_force.hpp"
+#include "random_policies.hpp"
 #include "solids.hpp"
 #include "test_models.hpp"
 
@@ -89,6 +90,8 @@ TEST(Answer, IsWhatItsPartsAreWhenAskedAlone) {
     LocalModel a(model_a.store, model_a.header.grid), b(model_b.store, model_b.header.grid);
     if (i % 3 > 0) test::refine_at_random(a, random);
     if (i % 3 > 1) test::refine_at_random(b, random);
+    if (i % 20 == 0)
+      for (LocalModel* model : {&a, &b}) test::split_all(*model);
     const test::PairOfPoses poses = test::near_poses(random, model_a, test::radius_m(model_a),
                                                      model_b, test::radius_m(model_b));
     AskedBody body_a{

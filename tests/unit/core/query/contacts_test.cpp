@@ -475,7 +475,7 @@ TEST(Contacts, AreTheSameBitsOnEveryMachine) {
     }
   }
   EXPECT_GT(segments, 300U);
-  EXPECT_EQ(hash, 11437440862670415025U);
+  EXPECT_EQ(hash, 15414266713836927583U);
 }
 
 TEST(Contacts, OfSegmentsHaveNoNormal) {

@@ -47,7 +47,7 @@ INSTANTIATE_TEST_SUITE_P(Models, ObstaclesOfNodes, test::model_pairs(), test::na
 TEST_P(ObstaclesOfNodes, ANodeThatLacksHasSome) {
   Random random(5);
   int with = 0, without = 0;
-  for (int i = 0; i < 40; ++i) {
+  for (int i = 0; i < 60; ++i) {
     const std::pair<Motion, Motion> motions = near_motions(random);
     const CutAndWhole cuts(a_, b_);
     const std::vector<NodeSpan> lacking = cuts.lacking(motions);

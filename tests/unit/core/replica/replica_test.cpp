@@ -26,11 +26,11 @@ void expect_tree_follows(const Replica& replica, const BakedModel& model) {
   EXPECT_EQ(content.unresolved, test::unresolved_nodes(replica.mesh()));
 }
 
-/// The lower half, along x, of the box around a model.
-RegionPart lower_half(const SplitStore& store) {
+/// The lower third, along x, of the box around a model.
+RegionPart lower_third(const SplitStore& store) {
   GridBox whole;
   for (const BaseRoot& root : store.roots()) whole.add(store.box(root.node));
-  whole.hi[0] = whole.lo[0] + (whole.hi[0] - whole.lo[0]) / 2;
+  whole.hi[0] = whole.lo[0] + (whole.hi[0] - whole.lo[0]) / 3;
   return RegionPart{whole};
 }
 
@@ -143,7 +143,7 @@ TEST(Replica, GivesUpWhatMeetsNothingKept) {
     Replica replica(model.header);
     for (const auto& bytes : batches) ASSERT_TRUE(replica.take(bytes).status.is_ok());
     const std::uint64_t full = replica.mesh().state_hash();
-    const RegionPart kept = lower_half(model.store);
+    const RegionPart kept = lower_third(model.store);
 
     static_cast<void>(replica.give_up({{kept}}));
     EXPECT_EQ(replica.give_ups(), 1U);
@@ -164,7 +164,7 @@ TEST(Replica, KeepsAllWhereAllIsKept) {
   const BakedModel model = test::bake_named("terrain");
   Replica replica(model.header);
   for (const auto& bytes : all_batches(model, 300)) ASSERT_TRUE(replica.take(bytes).status.is_ok());
-  RegionPart whole = lower_half(model.store);
+  RegionPart whole = lower_third(model.store);
   whole.box.hi[0] = std::numeric_limits<std::int32_t>::max();
   static_cast<void>(replica.give_up({{whole}}));
   EXPECT_EQ(replica.give_ups(), 0U);

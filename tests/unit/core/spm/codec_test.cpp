@@ -116,7 +116,7 @@ TEST_P(Codec, StoredBlocksHoldEverySplitOnce) {
 // it is needed.
 TEST(CodecBatches, EachDecodesAlone) {
   const BakedModel model = test::bake_named("terrain");
-  Random random(15);
+  Random random(17);
   const Treelet treelet = random_treelet(random, model, 500);
   auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, 60);
   ASSERT_GT(batches.size(), 5U);

@@ -300,9 +300,11 @@ TEST(Session, TwoPublishersOfOneModel) {
   const Flight flight = make_flight(2);
   const std::size_t half = flight.frames() / 2;
   EXPECT_EQ(world.fly(*session, flight, 0, half), half);
-  EXPECT_EQ(
-      world.service(kPublisher).stats().requests + world.service(kPublisher + 1).stats().requests,
-      session->stats().requests);
+  // Each request is one publisher's; the last may be on its way.
+  const std::uint64_t heard =
+      world.service(kPublisher).stats().requests + world.service(kPublisher + 1).stats().requests;
+  EXPECT_LE(heard, session->stats().requests);
+  EXPECT_GE(heard + 1, session->stats().requests);
   // Whichever was asked, the other takes over.
   const bool first = world.service(kPublisher).stats().requests > 0;
   world.stop_publisher(first ? kPublisher : kPublisher + 1);
