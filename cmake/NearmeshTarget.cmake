@@ -39,7 +39,7 @@ function(nearmesh_compile_options target)
                          # Sources that are joined are no header.
                          $<$<AND:$<COMPILE_LANG_AND_ID:CXX,GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>
                          # g++ 14 takes any reference that a function is given for the one that it returns.
-                         $<$<AND:$<CXX_COMPILER_ID:GNU>,$<VERSION_GREATER_EQUAL:$<CXX_COMPILER_VERSION>,13>>:-Wno-dangling-reference>
+                         $<$<AND:$<COMPILE_LANG_AND_ID:CXX,GNU>,$<VERSION_GREATER_EQUAL:$<CXX_COMPILER_VERSION>,13>>:-Wno-dangling-reference>
                          # Answers must be the same bits everywhere: no fused multiply-add.
                          -ffp-contract=off)
   if(NEARMESH_CHECK_ODR)

@@ -736,7 +736,9 @@ TEST(Service, MirrorsThatWakeArePaidWithTime) {
   const double lie_s = kCharged_s * static_cast<double>(large.header().split_count());
   const double lent_s = kCharged_s * static_cast<double>(MirrorMaker::kMostHeld);
   for (double owed_s = 0; owed_s < lent_s + 2 * lie_s; owed_s += lie_s) {
-    if (const auto judged = ask(lie); !judged.empty()) ASSERT_TRUE(judged.back().wants_regions);
+    if (const auto judged = ask(lie); !judged.empty()) {
+      ASSERT_TRUE(judged.back().wants_regions);
+    }
   }
   EXPECT_EQ(ask(known).size(), 1U) << "that is awake costs nothing";
   // Others come, and it falls asleep.
