@@ -85,13 +85,14 @@ std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::s
 }
 
 Status check_prefix(std::string_view prefix) {
-  const bool sized = !prefix.empty() && prefix.size() <= 100;
+  const bool sized = !prefix.empty() && prefix.size() <= kMaxPrefixBytes;
   if (sized && prefix.front() != '/' && prefix.back() != '/' &&
       std::all_of(prefix.begin(), prefix.end(), is_prefix_char))
     return Status::ok();
   return {StatusCode::kInvalidArgument,
-          "topic prefix: expected 1 to 100 letters, digits, '_', '-' or inner '/', found " +
-              std::to_string(prefix.size()) + " bytes that do not fit"};
+          "topic prefix: expected 1 to " + std::to_string(kMaxPrefixBytes) +
+              " letters, digits, '_', '-' or inner '/', found " + std::to_string(prefix.size()) +
+              " bytes that do not fit"};
 }
 
 }  // namespace nearmesh::wire

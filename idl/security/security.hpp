@@ -31,7 +31,7 @@ struct SecurityPlan {
     Role role = Role::kSubscriber;
   };
   std::vector<Identity> identities;
-  /// Other topics that these identities may write and read, as a host's own are: up to 8 of [A-Za-z0-9_-./:~], together at most 400 bytes.
+  /// Other topics that these identities may write and read, as a host's own are, of [A-Za-z0-9_-./:~]: as many as a handshake has room for.
   /// One that ends in "/*" is all that begin alike. None is nearmesh's own.
   std::vector<std::string> topics;
   int valid_days =

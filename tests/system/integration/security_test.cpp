@@ -138,9 +138,27 @@ TEST_F(Secured, LongestNamesPassTheHandshake) {
   plan.prefix = prefix;
   const std::string first(63, 'p'), second(63, 's');
   plan.identities = {{first, wire::Role::kPublisher}, {second, wire::Role::kSubscriber}};
-  plan.topics =
-      std::vector<std::string>(8, std::string(50, 't'));  // with all that may stand beside them
   const Status made = wire::make_security(folder.file("set"), plan);
+  ASSERT_TRUE(made.is_ok()) << made.message();
+  const auto publisher = serve(folder.file("set/" + first), kTrue);
+  Peer peer = join(folder.file("set/" + second));
+  EXPECT_TRUE(peer.hears(kTrue));
+}
+
+TEST_F(Secured, AsManyTopicsAsAreTakenPassTheHandshake) {
+  process_name = std::string(63, 'n');
+  wire::SecurityPlan plan;
+  plan.domain = kDomain;
+  plan.prefix = prefix;
+  const std::string first(63, 'p'), second(63, 's');
+  plan.identities = {{first, wire::Role::kPublisher}, {second, wire::Role::kSubscriber}};
+  plan.force = true;
+  const auto make = [&] { return wire::make_security(folder.file("set"), plan); };
+  while (make().is_ok() && plan.topics.size() < 1000) plan.topics.emplace_back(20, 't');
+  EXPECT_GT(plan.topics.size(), 10U);
+  EXPECT_LT(plan.topics.size(), 1000U);
+  plan.topics.pop_back();
+  const Status made = make();
   ASSERT_TRUE(made.is_ok()) << made.message();
   const auto publisher = serve(folder.file("set/" + first), kTrue);
   Peer peer = join(folder.file("set/" + second));

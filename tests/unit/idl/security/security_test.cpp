@@ -316,8 +316,8 @@ TEST_F(Security, TopicsThatNoHostMayHaveAreRefused) {
   // It would let everybody with it serve false detail.
   for (const char* topic : {"site/v13/split_batch", "site/*", "site/v13/*"})
     EXPECT_NE(refusal({topic}).find("nearmesh's own"), std::string::npos) << topic;
-  EXPECT_NE(refusal(std::vector<std::string>(9, "a")).find("at most 8"), std::string::npos);
-  EXPECT_NE(refusal({std::string(401, 'a')}).find("together 400"), std::string::npos);
+  EXPECT_NE(refusal(std::vector<std::string>(200, "a")).find("a handshake has room for"),
+            std::string::npos);
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {

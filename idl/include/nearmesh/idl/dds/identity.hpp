@@ -24,7 +24,7 @@ namespace nearmesh::wire {
                                   const std::string& folder, std::uint32_t domain,
                                   const std::string& prefix = "nearmesh");
 
-/// A step of the handshake goes in one message: some 6 KB of certificates and permissions, 9 with the longest names.
+/// A step of the handshake goes in one message: some 6 KB of certificates and permissions, 8 with the longest names or many topics.
 inline constexpr std::uint32_t kSecuredDatagramBytes = 10240;
 
 }  // namespace nearmesh::wire

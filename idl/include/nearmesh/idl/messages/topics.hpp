@@ -321,6 +321,7 @@ class TopicNames {
 /// A fresh session id, never 0: 64 bits from the operating system.
 [[nodiscard]] SessionId make_session_id();
 
+inline constexpr std::size_t kMaxPrefixBytes = 100;
 /// Errors: kInvalidArgument unless the prefix is 1 to 100 of [A-Za-z0-9_/-] without '/' at an end.
 [[nodiscard]] Status check_prefix(std::string_view prefix);
 
