@@ -913,11 +913,12 @@ TEST_F(Operate, APeerWhoseConnectionIsDeafMakesAnother) {
   words = with({terrain(), aircraft()}, tcp);
   words.insert(words.end(), {"--listen-port", deaf.port()});
   const auto publisher = serve(words);
-  EXPECT_EQ(peer.wait(), 0) << peer.err();
-  EXPECT_NE(peer.err().find("127.0.0.1:" + deaf.port() +
-                            " took the connection, and nobody answers through it: joining again"),
-            std::string::npos)
+  EXPECT_TRUE(peer.says("127.0.0.1:" + deaf.port() +
+                        " took the connection, and nobody answers through it: joining again"))
       << peer.err();
+  if (peer.err().find("Fast DDS 3.") != std::string::npos)
+    GTEST_SKIP() << "Fast DDS 3.1 makes no other connection: docs/platforms.md";
+  EXPECT_EQ(peer.wait(), 0) << peer.err();
 }
 
 // --- systemd
