@@ -10,6 +10,7 @@
 #include <fstream>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "nearmesh/idl/messages/topics.hpp"
 #include "security_crypto.hpp"
@@ -83,10 +84,12 @@ Status check_topics(const SecurityPlan& plan) {
   for (const std::string& topic : plan.topics) {
     const bool is_pattern = topic.ends_with("/*");
     const std::string begin = topic.substr(0, topic.size() - (is_pattern ? 1 : 0));
-    const bool fits = !begin.empty() && begin != "/" &&
-                      std::all_of(begin.begin(), begin.end(), [](unsigned char c) {
-                        return std::isalnum(c) != 0 || std::strchr("_-./:~", c) != nullptr;
-                      });
+    const bool fits =
+        !begin.empty() && begin != "/" &&
+        std::all_of(begin.begin(), begin.end(), [](unsigned char c) {
+          return std::isalnum(c) != 0 ||
+                 std::string_view("_-./:~").find(static_cast<char>(c)) != std::string_view::npos;
+        });
     if (!fits)
       return {
           StatusCode::kInvalidArgument,

@@ -313,6 +313,7 @@ TEST_F(Security, TopicsThatNoHostMayHaveAreRefused) {
   };
   for (const char* topic : {"", "/*", "*", "a*", "a/*/b", "a b", "<a>", "a&b"})
     EXPECT_NE(refusal({topic}).find("expected letters, digits"), std::string::npos) << topic;
+  EXPECT_NE(refusal({std::string("a\0b", 3)}).find("expected letters"), std::string::npos);
   // It would let everybody with it serve false detail.
   for (const char* topic : {"site/v13/split_batch", "site/*", "site/v13/*"})
     EXPECT_NE(refusal({topic}).find("nearmesh's own"), std::string::npos) << topic;
