@@ -96,14 +96,15 @@ std::vector<std::uint8_t> pack_certificate(const CertificateRequest& request) {
     out.bytes.insert(out.bytes.end(), model.held.begin(), model.held.end());
   }
   for (const CertificateRequest::Pair& pair : request.pairs) {
+    const bool is_moving = moves(pair);
     out.put(pair.a);
     out.put(pair.b);
     out.put(static_cast<std::uint8_t>((pair.solid_a ? kFlagSolidA : 0) |
                                       (pair.solid_b ? kFlagSolidB : 0) |
-                                      (moves(pair) ? kFlagMoves : 0)));
+                                      (is_moving ? kFlagMoves : 0)));
     out.put(pair.rotation);
     out.put(pair.translation_m);
-    if (!moves(pair)) continue;
+    if (!is_moving) continue;
     out.put(pair.linear_velocity_mps);
     out.put(pair.angular_velocity_radps);
   }

@@ -59,6 +59,14 @@ std::string read_file(const fs::path& path) {
   return text.str();
 }
 
+/// Of letters and digits, and these.
+bool is_made_of(std::string_view text, std::string_view others) {
+  return std::all_of(text.begin(), text.end(), [&](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+           others.find(c) != std::string_view::npos;
+  });
+}
+
 /// A handshake carries them in one message, and Fast DDS 3.1 ends the process of who would send more than 8 KB. So they take no more than with
 /// the longest names of prefixes and identities, which a test sends.
 Status check_room(const SecurityPlan& plan) {
@@ -84,12 +92,7 @@ Status check_topics(const SecurityPlan& plan) {
   for (const std::string& topic : plan.topics) {
     const bool is_pattern = topic.ends_with("/*");
     const std::string begin = topic.substr(0, topic.size() - (is_pattern ? 1 : 0));
-    const bool fits =
-        !begin.empty() && begin != "/" &&
-        std::all_of(begin.begin(), begin.end(), [](unsigned char c) {
-          return std::isalnum(c) != 0 ||
-                 std::string_view("_-./:~").find(static_cast<char>(c)) != std::string_view::npos;
-        });
+    const bool fits = !begin.empty() && begin != "/" && is_made_of(begin, "_-./:~");
     if (!fits)
       return {
           StatusCode::kInvalidArgument,
@@ -116,9 +119,7 @@ Status check_plan(const SecurityPlan& plan) {
   for (const SecurityPlan::Identity& identity : plan.identities) {
     const std::string& name = identity.name;
     const bool fits = !name.empty() && name.size() <= kMaxIdentityName && name[0] != '-' &&
-                      std::all_of(name.begin(), name.end(), [](unsigned char c) {
-                        return std::isalnum(c) != 0 || c == '_' || c == '-';
-                      });
+                      is_made_of(name, "_-");
     if (!fits || name == kAuthorities)
       return {StatusCode::kInvalidArgument,
               "identity '" + name + "': expected 1 to 63 letters, digits, '_' or '-', and not '" +

@@ -45,18 +45,23 @@ struct SecuredPeer {
 
 class Secured : public ::testing::Test {
  protected:
-  // A set with its own authorities; always the same names.
-  std::string make_set(const std::string& name,
-                       wire::Role role_of_alice = wire::Role::kSubscriber) {
+  [[nodiscard]] wire::SecurityPlan plan_of(
+      std::vector<wire::SecurityPlan::Identity> identities) const {
     wire::SecurityPlan plan;
     plan.domain = kDomain;
     plan.prefix = prefix;
-    plan.identities = {{"serve", wire::Role::kPublisher},
-                       {"alice", role_of_alice},
-                       {"bob", wire::Role::kSubscriber},
-                       {"carol", wire::Role::kSubscriber},
-                       {"rec", wire::Role::kRecorder}};
-    const Status made = wire::make_security(folder.file(name), plan);
+    plan.identities = std::move(identities);
+    return plan;
+  }
+  // A set with its own authorities; always the same names.
+  std::string make_set(const std::string& name,
+                       wire::Role role_of_alice = wire::Role::kSubscriber) {
+    const Status made =
+        wire::make_security(folder.file(name), plan_of({{"serve", wire::Role::kPublisher},
+                                                        {"alice", role_of_alice},
+                                                        {"bob", wire::Role::kSubscriber},
+                                                        {"carol", wire::Role::kSubscriber},
+                                                        {"rec", wire::Role::kRecorder}}));
     EXPECT_TRUE(made.is_ok()) << made.message();
     return folder.file(name);
   }

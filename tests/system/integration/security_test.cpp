@@ -130,39 +130,39 @@ TEST_F(Secured, WhoJoinsAtOnceHearsAllOthers) {
   }
 }
 
-TEST_F(Secured, LongestNamesPassTheHandshake) {
+/// A publisher and a peer whose handshake is long.
+class LongHandshake : public Secured {
+ protected:
+  LongHandshake() { process_name = std::string(63, 'n'); }
+  [[nodiscard]] wire::SecurityPlan longest_plan() const {
+    return plan_of({{publisher_, wire::Role::kPublisher}, {peer_, wire::Role::kSubscriber}});
+  }
+  void expect_to_pass(const wire::SecurityPlan& plan) const {
+    const Status made = wire::make_security(folder.file("set"), plan);
+    ASSERT_TRUE(made.is_ok()) << made.message();
+    const auto publisher = serve(folder.file("set/" + publisher_), kTrue);
+    Peer peer = join(folder.file("set/" + peer_));
+    EXPECT_TRUE(peer.hears(kTrue));
+  }
+
+ private:
+  const std::string publisher_ = std::string(63, 'p'), peer_ = std::string(63, 's');
+};
+
+TEST_F(LongHandshake, OfTheLongestNamesPasses) {
   prefix += std::string(100 - prefix.size(), 'x');
-  process_name = std::string(63, 'n');
-  wire::SecurityPlan plan;
-  plan.domain = kDomain;
-  plan.prefix = prefix;
-  const std::string first(63, 'p'), second(63, 's');
-  plan.identities = {{first, wire::Role::kPublisher}, {second, wire::Role::kSubscriber}};
-  const Status made = wire::make_security(folder.file("set"), plan);
-  ASSERT_TRUE(made.is_ok()) << made.message();
-  const auto publisher = serve(folder.file("set/" + first), kTrue);
-  Peer peer = join(folder.file("set/" + second));
-  EXPECT_TRUE(peer.hears(kTrue));
+  expect_to_pass(longest_plan());
 }
 
-TEST_F(Secured, AsManyTopicsAsAreTakenPassTheHandshake) {
-  process_name = std::string(63, 'n');
-  wire::SecurityPlan plan;
-  plan.domain = kDomain;
-  plan.prefix = prefix;
-  const std::string first(63, 'p'), second(63, 's');
-  plan.identities = {{first, wire::Role::kPublisher}, {second, wire::Role::kSubscriber}};
+TEST_F(LongHandshake, OfAsManyTopicsAsAreTakenPasses) {
+  wire::SecurityPlan plan = longest_plan();
   plan.force = true;
-  const auto make = [&] { return wire::make_security(folder.file("set"), plan); };
-  while (make().is_ok() && plan.topics.size() < 1000) plan.topics.emplace_back(20, 't');
+  while (wire::make_security(folder.file("set"), plan).is_ok() && plan.topics.size() < 1000)
+    plan.topics.emplace_back(20, 't');
   EXPECT_GT(plan.topics.size(), 5U);
   EXPECT_LT(plan.topics.size(), 1000U);
   plan.topics.pop_back();
-  const Status made = make();
-  ASSERT_TRUE(made.is_ok()) << made.message();
-  const auto publisher = serve(folder.file("set/" + first), kTrue);
-  Peer peer = join(folder.file("set/" + second));
-  EXPECT_TRUE(peer.hears(kTrue));
+  expect_to_pass(plan);
 }
 
 /// Programs on a secured bus: an aircraft over a ground, served, flown, recorded, checked and verified.
