@@ -92,7 +92,8 @@ struct Face {
 struct Cluster {
   Quadric quadric;
   GridBox box;
-  double factor = 0;  ///< of what its collapses cost: the area of its faces to the power of -3/4
+  /// Of what its collapses cost: the area of its faces to the power of -3/4. Kept, since each of them asks: taken anew, simplifying takes 3 % more.
+  double factor = 0;
 
   /// Adds another vertex's; `d` leads from that vertex to this one.
   void add(const Cluster& other, const Vec3& d) {
