@@ -2,9 +2,7 @@
 #include "discovery_pace.hpp"
 
 #include <algorithm>
-#include <cstring>
 
-#include "core/base/hash.hpp"
 #include "rtps_cursor.hpp"
 
 namespace nearmesh::wire {
@@ -17,6 +15,9 @@ using Kind = DiscoveryWord::Kind;
 constexpr std::uint8_t kLittleEndian = 1, kWithInlineQos = 2, kWithPayload = 4;
 /// Of a period: Fast DDS's own timer comes a little early at times.
 constexpr double kEarly = 0.9;
+
+/// Everybody's, not one participant's.
+bool is_multicast(const RtpsPlace& place) { return (place.address[12] & 0xf0) == 0xe0; }
 
 std::optional<DiscoveryWord> announcement_in(Cursor in, std::uint8_t flags) {
   in.skip(4);
@@ -73,14 +74,6 @@ std::optional<DiscoveryWord> discovery_word(Bytes message) {
   return found;
 }
 
-std::size_t DiscoveryPace::PlaceHash::operator()(const RtpsPlace& place) const {
-  std::array<std::uint8_t, 24> bytes{};
-  std::memcpy(bytes.data(), &place.kind, 4);
-  std::memcpy(bytes.data() + 4, &place.port, 4);
-  std::copy(place.address.begin(), place.address.end(), bytes.begin() + 8);
-  return static_cast<std::size_t>(hash_bytes(bytes));
-}
-
 DiscoveryPace::DiscoveryPace(double period_s) : longest_s_(kEarly * period_s) {}
 
 bool DiscoveryPace::may_go(const DiscoveryWord& word, const RtpsPlace& place, double now_s) {
@@ -107,7 +100,9 @@ bool DiscoveryPace::may_go(const DiscoveryWord& word, const RtpsPlace& place, do
   const bool is_confirmed = word.kind == Kind::kReminder &&
                             word.sequence < told.next[*place_of_endpoint_writer(word.writer)];
   if (!is_news && now_s - said->last_s < (is_confirmed ? kConfirmed_s : said->wait_s)) return false;
-  const double longest_s = word.kind == Kind::kAnnouncement ? longest_s_ : kLast_s;
+  const double longest_s = word.kind != Kind::kAnnouncement ? kLast_s
+                           : is_multicast(place)            ? std::max(longest_s_, kCalled_s)
+                                                            : longest_s_;
   *said = {word, now_s, is_news ? kFirst_s : std::min(2 * said->wait_s, longest_s)};
   return true;
 }
@@ -139,12 +134,13 @@ void DiscoveryPace::confirm(const ParticipantKey& key, const RtpsConfirmation& c
     const auto at = told_.find(home->second.places[i]);
     if (at == told_.end()) continue;
     Told& told = at->second;
-    told.next[*place_of_endpoint_writer(confirmation.writer)] = confirmation.next;
-    // Who lacks something is reminded as soon as the writer wants to.
-    std::erase_if(told.said, [&](const Said& one) {
-      return one.word.kind == Kind::kReminder && one.word.writer == confirmation.writer &&
-             one.word.sequence >= confirmation.next;
-    });
+    std::int64_t& next = told.next[*place_of_endpoint_writer(confirmation.writer)];
+    // Whoever has forgotten what it had is reminded as soon as the writer wants to.
+    if (confirmation.next < next)
+      std::erase_if(told.said, [&](const Said& one) {
+        return one.word.kind == Kind::kReminder && one.word.writer == confirmation.writer;
+      });
+    next = confirmation.next;
   }
 }
 

@@ -5,7 +5,7 @@
 // Fast DDS 2.9 announces a participant to everybody, known or not, twice each time that it hears of somebody new: n that start at once
 // send some n^3 announcements. A reader that has just met a writer asks fourteen times a second whether that is there, and while one
 // participant has yet to confirm what it was told of endpoints all are reminded. On a busy machine answers are late, so that alone
-// keeps it busy.
+// keeps it busy. Nor does a busy machine hear sooner for being reminded: what it lacks is on its way, and each reminder has it ask again.
 
 #include <array>
 #include <cstdint>
@@ -34,13 +34,16 @@ struct DiscoveryWord {
 
 /// * **What was said goes again** after kFirst_s, twice that and so on up to kLast_s, an announcement up to its period: what is asked
 ///   for meanwhile is left out, so that nothing is held back but what was said a moment ago.
+/// * **Calls to everybody**, by multicast, are for who is new and was not heard himself: they go again up to kCalled_s later. Whoever was
+///   heard of has the announcement in each period by unicast anyway.
 /// * **Reminders of what was confirmed** go once in kConfirmed_s: what was confirmed in another's name is made good then.
-/// * **Who is new** is told at once, and who asks is reminded at once.
+/// * **Who is new**, or has forgotten what it had, is told at once. Who asks is told what it asks for; the reminders that follow keep
+///   their pace.
 /// Only words to the places of participants that were heard of are paced, and announcements.
 /// Threads: one at a time.
 class DiscoveryPace {
  public:
-  static constexpr double kFirst_s = 0.1, kLast_s = 1.5, kConfirmed_s = 5;
+  static constexpr double kFirst_s = 0.1, kLast_s = 4, kConfirmed_s = 5, kCalled_s = 5;
   static constexpr std::size_t kMaxPlaces = 4096;  ///< remembered; beyond that all are forgotten
 
   /// Of a participant that announces itself each `period_s`.
@@ -56,9 +59,6 @@ class DiscoveryPace {
   [[nodiscard]] std::size_t size() const { return told_.size(); }
 
  private:
-  struct PlaceHash {
-    std::size_t operator()(const RtpsPlace& place) const;
-  };
   struct Said {
     DiscoveryWord word;
     double last_s = 0, wait_s = 0;
@@ -75,7 +75,7 @@ class DiscoveryPace {
 
   const double longest_s_;  ///< between two announcements to one place
   ParticipantKey own_{};
-  std::unordered_map<RtpsPlace, Told, PlaceHash> told_;
+  std::unordered_map<RtpsPlace, Told, RtpsPlaceHash> told_;
   std::unordered_map<ParticipantKey, Home, ParticipantKeyHash> homes_;
 };
 

@@ -27,7 +27,7 @@ struct MessageSource {
 ///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
 ///   that its other sockets had nothing to say.
 /// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst may come at once, then
-///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does each second, and who invents
+///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does within five seconds, and who invents
 ///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
 ///   more than such invented ones as never speak again can be within that.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.

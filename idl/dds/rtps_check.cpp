@@ -364,6 +364,7 @@ struct Submessages {
         }
         if (id == kProductVersion && !bytes.empty()) found.release = bytes[0];
         if (id == 0x0062) found.name = Cursor(bytes, *little_endian).bytes();
+        if (id == 0x002c) found.user = Cursor(bytes, *little_endian).bytes();
         if (id == 0x1001) found.is_secured = true;  // an identity
         if ((id == kDataPlace || id == kDiscoveryPlace) && found.place_count < found.places.size())
           found.places[found.place_count++] = place_of(bytes, *little_endian);
@@ -388,6 +389,14 @@ struct Submessages {
 
 std::size_t ParticipantKeyHash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
+}
+
+std::size_t RtpsPlaceHash::operator()(const RtpsPlace& place) const {
+  std::array<std::uint8_t, 24> bytes{};
+  std::memcpy(bytes.data(), &place.kind, 4);
+  std::memcpy(bytes.data() + 4, &place.port, 4);
+  std::copy(place.address.begin(), place.address.end(), bytes.begin() + 8);
+  return static_cast<std::size_t>(hash_bytes(bytes));
 }
 
 void RtpsVerdict::change(std::size_t at, std::uint32_t number, bool little_endian) {

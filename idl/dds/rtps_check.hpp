@@ -55,6 +55,9 @@ struct RtpsPlace {
   std::array<std::uint8_t, 16> address{};
   bool operator==(const RtpsPlace&) const = default;
 };
+struct RtpsPlaceHash {
+  std::size_t operator()(const RtpsPlace& place) const;
+};
 /// Of one participant that are kept; the first ones that it tells.
 inline constexpr std::size_t kMaxRtpsPlaces = 8;
 
@@ -68,6 +71,7 @@ struct RtpsAnnouncement {
   bool is_secured = false;             ///< has an identity
   std::uint8_t release = 0;            ///< of Fast DDS, 3 and later; those before do not tell
   std::span<const std::uint8_t> name;  ///< what it is called
+  std::span<const std::uint8_t> user;  ///< its user data
   /// Where it hears others, and what they write.
   std::array<RtpsPlace, kMaxRtpsPlaces> places{};
   std::size_t place_count = 0;

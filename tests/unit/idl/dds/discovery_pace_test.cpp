@@ -98,16 +98,36 @@ TEST_F(DiscoveryPaceTest, ConfirmedIsSaidSeldom) {
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 6), place(1), 40));  // more
 }
 
-TEST_F(DiscoveryPaceTest, WhoLacksSomethingIsRemindedAtOnce) {
+// A busy machine answers each reminder that it still lacks what is on its way: that must not bring the next one.
+TEST_F(DiscoveryPaceTest, WhoStillLacksSomethingIsNotRemindedSooner) {
+  meet(kNeighbour, place(1));
+  int reminders = 0;
+  for (double now_s = 0; now_s < 10; now_s += 0.01) {
+    if (!pace.may_go(reminder(kWriters, 5), place(1), now_s)) continue;
+    pace.confirm(kNeighbour, {kOwn, kWriters, reminders < 3 ? reminders : 3});
+    ++reminders;
+  }
+  EXPECT_LE(reminders, 8);
+  EXPECT_GE(reminders, 6);
+}
+
+TEST_F(DiscoveryPaceTest, WhoHasForgottenIsRemindedAtOnce) {
   meet(kNeighbour, place(1));
   ASSERT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
-  ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 0.05));
-  pace.confirm(kNeighbour, {kOwn, kWriters, 3});
-  EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.06));
   pace.confirm(kNeighbour, {kOwn, kWriters, 6});
   ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 0.07));
-  pace.confirm(kNeighbour, {kOwn, kWriters, 0});  // it has forgotten all
+  pace.confirm(kNeighbour, {kOwn, kWriters, 0});
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.08));
+}
+
+// By unicast everybody who was heard of has each of them anyway.
+TEST_F(DiscoveryPaceTest, CallsToEverybodyGoSeldom) {
+  RtpsPlace everybody = place(1);
+  everybody.address[12] = 239;
+  EXPECT_LE(count_of(announcement(1), everybody, 0, 60), 20);
+  EXPECT_GE(longest_s, 3);
+  EXPECT_LE(longest_s, DiscoveryPace::kCalled_s + 0.02);
+  EXPECT_TRUE(pace.may_go(announcement(2), everybody, 60));
 }
 
 TEST_F(DiscoveryPaceTest, WhatAnotherWasToldIsNotConfirmed) {
