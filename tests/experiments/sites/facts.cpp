@@ -38,9 +38,7 @@ double pairs_of(double participants) { return participants * (participants - 1);
 
 /// Topics that stay although peers tell them peers.
 constexpr std::pair<std::string_view, std::string_view> kStay[] = {
-    {"process_status",
-     "each program's sign of life, once a second, is for its own site: the age of poses tells who "
-     "is gone"},
+    {"process_status", "it is for who looks after programs at their own site"},
     {"echo", "a self-test of one network"},
     {"probe", "a self-test of one network"}};
 
@@ -141,7 +139,7 @@ Result<Measured> Measured::read(const std::string& path) {
   std::vector<std::pair<double, double>> join, join_cpu, poses, pose_cpu, stay;
   for (const auto& [n, row] : low) {
     join.emplace_back(n, row.join_unicast_bytes / pairs_of(n));
-    join_cpu.emplace_back(n, row.join_cpu_s / pairs_of(n));
+    join_cpu.emplace_back(n - 1, row.join_cpu_s / n);
     // One of them is the publisher, which neither tells nor hears poses.
     const Row& faster = high.at(n);
     const double each = (n - 1) * (high_hz - low_hz);
@@ -163,7 +161,7 @@ double Measured::all_join_bytes(double participants) const {
   return pairs_of(participants) * join_bytes.at(participants);
 }
 double Measured::all_join_cpu_s(double participants) const {
-  return pairs_of(participants) * join_cpu_s.at(participants);
+  return participants * join_cpu_s.at(participants - 1);
 }
 double Measured::around_bytes() const { return pose_wire_bytes - message_bytes().poses; }
 

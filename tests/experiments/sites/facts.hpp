@@ -49,8 +49,9 @@ struct Measured {
            join_cpu_s = 0, stay_unicast_bytes = 0, stay_multicast_bytes = 0, stay_cpu_s = 0;
   };
   std::vector<Row> rows;
-  Line join_bytes, join_cpu_s;  ///< of each ordered pair, over all participants
-  Line stay_bytes_per_s;  ///< of each participant, over all others: life signs, status, heartbeats
+  Line join_bytes;        ///< of each ordered pair, over all participants
+  Line join_cpu_s;        ///< of each participant, over all others: at 0 what its start takes
+  Line stay_bytes_per_s;  ///< of each participant, over all others: life signs, heartbeats
   double pose_wire_bytes =
       0;  ///< of a sample of poses to one reader, all in: acknowledged, with headers
   double pose_cpu_s = 0;         ///< of the same, writer and reader together

@@ -215,6 +215,7 @@ TEST(SitesFacts, LinesRunThroughWhatWasMeasured) {
   for (const Measured::Row& row : measured.rows) {
     if (row.participants < 10 || row.rate_hz > 1) continue;
     EXPECT_NEAR(measured.all_join_bytes(row.participants) / row.join_unicast_bytes, 1, 0.1);
+    EXPECT_NEAR(measured.all_join_cpu_s(row.participants) / row.join_cpu_s, 1, 0.1);
     const double poses = (row.participants - 1) * (row.participants - 2) * row.rate_hz;
     const double stay = row.participants * measured.stay_bytes_per_s.at(row.participants - 1);
     EXPECT_NEAR((stay + poses * measured.pose_wire_bytes) / row.stay_unicast_bytes, 1, 0.1);
@@ -222,6 +223,7 @@ TEST(SitesFacts, LinesRunThroughWhatWasMeasured) {
   EXPECT_GT(measured.around_bytes(), 0);
   EXPECT_GT(measured.pose_cpu_s, 0);
   EXPECT_GT(measured.join_cpu_s.slope, 0);
+  EXPECT_GT(measured.join_cpu_s.at_0, 0);
 }
 
 TEST(SitesFacts, FilesThatLackWhatIsNeededAreRefused) {
