@@ -152,7 +152,8 @@ void ReaderListener::look_for_life_signs() {
     const std::optional<bool> is_silent = door_->is_silent(key_of(writer), silence_s_);
     if (!is_silent || *is_silent == was_silent) continue;
     was_silent = *is_silent;
-    matches_.push_back({writer, now_us(), was_silent, door_->is_barred(key_of(writer))});
+    matches_.push_back(
+        {writer, now_us(), was_silent, door_->is_barred(key_of(writer)), was_silent});
   }
 }
 
@@ -396,6 +397,10 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                  static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
+  // On a secured bus announcements are not encrypted, and no door looks for it.
+  if (options.heard_bodies && options.heard_bodies->size() <= kMaxHeardBodies &&
+      options.transport.security.empty())
+    qos.user_data().setValue(heard_bodies_data(*options.heard_bodies));
   add_door(qos, options.transport.identity_period_s);
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
@@ -530,6 +535,14 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::TopicDescription* topic,
   if (subscriber != nullptr) participant_->delete_subscriber(subscriber);
   return Status{StatusCode::kIo,
                 "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
+}
+
+void Bus::tell_moved(const fdds::DataWriter& writer, const std::vector<std::string>& bodies) {
+  if (door_ == nullptr) return;
+  const Handle handle = writer.get_instance_handle();
+  std::uint32_t entity = 0;
+  for (int i = 12; i < 16; ++i) entity = entity << 8 | handle.value[i];
+  door_->tell_moved(entity, bodies);
 }
 
 void drop_samples(fdds::DataWriter& writer) {

@@ -72,6 +72,7 @@ class ReaderListener : public fdds::SubscriberListener {
     Microseconds when;
     bool gone;            ///< else: found
     bool barred = false;  ///< gone, since its identity does not count any more
+    bool silent = false;  ///< gone, and may be found again
   };
   [[nodiscard]] std::vector<Match> take_matches();
 
@@ -200,6 +201,9 @@ struct BusOptions {
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
   std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
+  /// All bodies that the host will ever name, where it knows them: of an own participant others' doors are told (PoseHearers). More
+  /// than kMaxHeardBodies are not told.
+  std::optional<std::vector<std::string>> heard_bodies;
   struct Found {
     Handle endpoint;
     std::string topic, partition;  ///< "" for none
@@ -258,6 +262,8 @@ class Bus {
   void remove_writer(fdds::DataWriter* writer);
   void remove_reader(fdds::DataReader* reader);
   [[nodiscard]] const TopicNames& names() const { return *names_; }
+  /// Poses that this writer tells are of these bodies alone (PoseHearers).
+  void tell_moved(const fdds::DataWriter& writer, const std::vector<std::string>& bodies);
   /// Of the participant; nullptr: a host's, without one.
   [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
   /// Whether a writer or reader of another participant was ever found, since this was opened: one that only announces itself may not be

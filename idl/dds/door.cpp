@@ -194,7 +194,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
   const std::shared_ptr<DoorWatch> watch_;
   OutgoingFilter outgoing_{
       [this](std::span<const std::uint8_t> message, OutgoingFilter::Places& places) {
-        if (watch_->paces()) watch_->leave_out_repeats(message, places, place_of);
+        if (watch_->paces()) watch_->leave_out(message, places, place_of);
         return size_without_statistics(message);
       }};
   std::mutex copies_mutex_;

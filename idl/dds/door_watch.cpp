@@ -77,15 +77,23 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
 void DoorWatch::note_for_pace(const RtpsVerdict& message, bool was_known) {
   const std::lock_guard lock(pace_mutex_);
   try {
-    if (message.announcement && message.announcement->leaves)
+    if (message.announcement && message.announcement->leaves) {
       pace_.forget(message.source);
-    else if (message.announcement && !was_known)
+      hearers_.forget(message.source);
+    } else if (message.announcement && !was_known) {
+      hearers_.expect(message.source, *message.announcement);
       pace_.expect(message.source, *message.announcement);
+    }
     for (const auto& confirmation : message.confirmations)
       if (confirmation) pace_.confirm(message.source, *confirmation);
   } catch (const std::bad_alloc&) {
     complain_of_memory();
   }
+}
+
+void DoorWatch::tell_moved(std::uint32_t writer, const std::vector<std::string>& bodies) {
+  const std::lock_guard lock(pace_mutex_);
+  hearers_.move(writer, bodies);
 }
 
 void DoorWatch::count(DoorRefusal refusal) {

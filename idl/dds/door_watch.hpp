@@ -22,6 +22,7 @@
 #include "idl/security/identity_book.hpp"
 #include "mailbox.hpp"
 #include "participant_book.hpp"
+#include "pose_hearers.hpp"
 
 namespace nearmesh::wire {
 
@@ -63,14 +64,20 @@ class DoorWatch {
   [[nodiscard]] bool paces() const {
     return rules_.is_plain && rules_.by_udp_alone && identities_ == nullptr;
   }
-  /// Takes away places that need not be told now (DiscoveryPace). place_of(place): as RTPS writes it. Where there is no memory to
-  /// remember what was told, all are told.
+  /// Poses that this writer (its entity) tells are of these bodies alone: whoever names none of them needs few (PoseHearers).
+  void tell_moved(std::uint32_t writer, const std::vector<std::string>& bodies);
+  /// Takes away places that need not be told now (DiscoveryPace), or of poses (PoseHearers). place_of(place): as RTPS writes it. Where there
+  /// is no memory to remember what was told, all are told.
   template <class Places, class PlaceOf>
-  void leave_out_repeats(std::span<const std::uint8_t> message, Places& places, PlaceOf place_of) {
+  void leave_out(std::span<const std::uint8_t> message, Places& places, PlaceOf place_of) {
     const std::optional<DiscoveryWord> word = discovery_word(message);
-    if (!word) return;
     const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
     const std::lock_guard lock(pace_mutex_);
+    if (hearers_.is_poses(message))
+      std::erase_if(places, [&](const auto& place) {
+        return !hearers_.may_go(place_of(place), now.count());
+      });
+    if (!word) return;
     std::erase_if(places, [&](const auto& place) {
       try {
         return !pace_.may_go(*word, place_of(place), now.count());
@@ -130,8 +137,9 @@ class DoorWatch {
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;
-  std::mutex pace_mutex_;  ///< taken with mutex_ held, not the other way round
+  std::mutex pace_mutex_;  ///< of both below; taken with mutex_ held, not the other way round
   DiscoveryPace pace_;
+  PoseHearers hearers_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::atomic<std::uint32_t> gap_turn_ = 0;  ///< gaps that were cut
   std::mutex introductions_;

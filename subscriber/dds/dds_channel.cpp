@@ -63,6 +63,7 @@ void DdsChannel::Impl::tell_who(const wire::BodyDirectory& directory) {
   {
     const std::lock_guard lock(mutex_);
     retold_poses_.insert(directory.part);
+    has_other_bodies_ = true;
     for (std::uint32_t part = first / wire::kBodiesPerPromise;
          part <= last / wire::kBodiesPerPromise; ++part)
       retold_promises_.insert(part);

@@ -37,8 +37,7 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hellos_(mailbox_, names_.of<wire::Hello>()),
         headers_(mailbox_, names_.of<wire::MeshHeader>()),
-        movers_(mailbox_, names_.of<wire::BodyPoses>(), !options.transport.security.empty(),
-                options.transport.silence_s) {}
+        movers_(mailbox_, names_.of<wire::BodyPoses>(), !options.transport.security.empty()) {}
   ~Impl();
 
   Status start();
@@ -122,6 +121,7 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
+  void tell_moved();
   [[nodiscard]] bool names_bodies(std::uint32_t first, std::uint32_t count, bool promised) const;
   template <class Message>
   bool end_silent_parts(const std::deque<Message>& queue, std::set<std::uint32_t>& retold,
@@ -153,7 +153,6 @@ class DdsChannel::Impl {
   wire::Reader<wire::WantedPoses> wanted_reader_{mailbox_};
   wire::Reader<wire::BodyPromises> promise_reader_{mailbox_};
   wire::Reader<wire::BodyDirectory> directory_reader_{mailbox_};
-  wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
   wire::Writer<wire::BodyPoses> pose_writer_{mailbox_};
   wire::Writer<wire::NearPoses> near_writer_{mailbox_};
@@ -178,6 +177,7 @@ class DdsChannel::Impl {
   LruMap<SessionId, PoseCounts> tally_{kMaxWaitingOthers};  ///< what was heard of those heard last
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;
+  bool has_other_bodies_ = false;     ///< than the door was told
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.

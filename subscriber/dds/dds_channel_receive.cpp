@@ -15,7 +15,6 @@ constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others ha
 bool DdsChannel::Impl::receive() {
   // Whoever comes and goes is remembered until it is taken.
   (void)batch_reader_.take_matches();
-  (void)status_reader_.take_matches();
   bool more = receive_hellos();
   headers_.take(header_reader_.take_matches());
   more |= header_reader_.drain(kMaxTaken,
@@ -158,10 +157,6 @@ bool DdsChannel::Impl::receive_poses() {
   for (wire::BodyPose& pose : accepted)
     deliver(&Inbox::poses, std::move(pose), kMaxWaitingPoses, names_.of<wire::BodyPoses>());
   more |= more_told;
-  more |= status_reader_.drain(
-      kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
-        movers_.hear_sign(status.session, writer);
-      });
   const std::lock_guard lock(mutex_);
   movers_.tell_movers(inbox_);
   return more;

@@ -58,6 +58,7 @@ Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
   bus_options.host_participant = options_.participant;
+  bus_options.heard_bodies = options_.bodies;
   bus_options.on_writer = [this](const wire::BusOptions::Found& found) {
     if (found.gone || found.topic != names_.of<wire::BodyPromises>()) return;
     promises_found_ = true;
@@ -80,8 +81,7 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
+  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
@@ -194,7 +194,7 @@ Status DdsChannel::Impl::rejoin() {
   }
   const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
   forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,
-         near_reader_, promise_reader_, wanted_reader_, status_reader_);
+         near_reader_, promise_reader_, wanted_reader_);
   forget(subscription_writer_, directory_writer_, pose_writer_, promise_writer_, near_writer_,
          wanted_writer_, report_writer_, watched_writer_, bounds_writer_, held_writer_,
          status_writer_);
@@ -202,6 +202,7 @@ Status DdsChannel::Impl::rejoin() {
     const std::lock_guard lock(mutex_);
     directory_.say_again();
     watched_.say_again();
+    has_other_bodies_ = true;
   }
   return open();
 }
@@ -228,6 +229,18 @@ bool DdsChannel::Impl::flush() {
   all &= flush(reports_, report_writer_);
   all &= flush(statuses_, status_writer_);
   return all;
+}
+
+/// To the door, before poses of such a body go out.
+void DdsChannel::Impl::tell_moved() {
+  std::vector<std::string> names;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!std::exchange(has_other_bodies_, false)) return;
+    for (const auto& [part, directory] : directory_.parts)
+      for (const wire::BodyDirectory::Body& body : directory.bodies) names.push_back(body.name);
+  }
+  bus_->tell_moved(pose_writer_.endpoint(), names);
 }
 
 /// The last poses or promises of a part are kept for who joins later. Where all its bodies are gone, or are not such any more, they would be
@@ -273,6 +286,7 @@ bool DdsChannel::Impl::flush(std::deque<Message>& queue, wire::Writer<Message>& 
     const std::lock_guard lock(mutex_);
     outgoing.swap(queue);
   }
+  if constexpr (std::is_same_v<Message, wire::BodyPoses>) tell_moved();  // of these bodies, too
   while (!outgoing.empty() && writer.write(outgoing.front()) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;

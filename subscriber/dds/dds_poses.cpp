@@ -8,7 +8,6 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr std::size_t kMaxContestedBodies = 64;
-constexpr double kLook_s = 0.1;
 
 }  // namespace
 
@@ -52,8 +51,9 @@ void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& 
       continue;
     }
     gone_tellers_.emplace_back(event.writer, event.barred);
-    gone_movers_.emplace_back(event.writer,
-                              event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
+    gone_movers_.emplace_back(event.writer, event.barred   ? wire::Mover::kBarred
+                                            : event.silent ? wire::Mover::kSilent
+                                                           : wire::Mover::kLeft);
   }
   for (HeardDirectory& one : heard) know(std::move(one));
   if (more) return;
@@ -207,7 +207,6 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     if (auto waiting = unnamed_.extract(part)) name(std::move(*waiting), accepted);
   for (Heard& one : heard) name(std::move(one), accepted);
   if (std::exchange(has_released_, false)) accept_contested(accepted);
-  look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
   std::set<std::string> lost;
@@ -293,10 +292,8 @@ bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionI
     return false;
   }
   const std::pair of_peer(peer, wire::Routes::participant_of(writer));
-  if (Source* const known = sources_.use(of_peer)) {
-    known->heard_s = clock_.seconds();
-  } else {
-    sources_.put(of_peer, {.heard_s = clock_.seconds()}, of_peer.second);
+  if (sources_.use(of_peer) == nullptr) {
+    sources_.put(of_peer, {}, of_peer.second);
     new_movers_.emplace_back(peer, writer);
   }
   Moved& moved = moved_[body.name];
@@ -316,25 +313,6 @@ void DdsPoses::accept(Named&& heard, std::vector<wire::BodyPose>& accepted) {
     accepted.push_back(std::move(heard.pose));
   } else if (contested_.contains(body) || contested_.size() < kMaxContestedBodies) {
     contested_.insert_or_assign(body, std::move(heard));
-  }
-}
-
-/// A session's name is not enough: anybody can say it.
-void DdsPoses::hear_sign(wire::SessionId session, const wire::Handle& writer) {
-  if (Source* const source = sources_.use({session, wire::Routes::participant_of(writer)}))
-    *source = {.heard_s = clock_.seconds(), .gives_signs = true};
-}
-
-void DdsPoses::look_for_silent() {
-  const double now_s = clock_.seconds();
-  if (now_s - looked_s_ < kLook_s) return;
-  looked_s_ = now_s;
-  for (auto& [body, moved] : moved_) {
-    const Source* const source =
-        sources_.find({moved.session, wire::Routes::participant_of(moved.writer)});
-    if (source == nullptr || !source->gives_signs) continue;
-    const bool is_silent = now_s - source->heard_s >= silence_s_;
-    tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
   }
 }
 

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whose poses of a body count: those of the peer that moved it first, until that is gone; and whether that peer is there, which the
-// machine's clock decides: it gave a sign of life each second, a ProcessStatus, and has given none for some. Who never gave one is
-// taken to be there until its writer goes. What a pose's number stands for, the directory of the same peer and participant says. The
-// same holds for promises. A peer is known by the writer of its directory, whichever of its writers speaks. A session is who spoke for it
-// first, until that is gone: numbers of bodies, of links and of samples are the session's, so what a stranger says in its name would stand
-// among them.
+// Whose poses of a body count: those of the peer that moved it first, until that is gone. What a pose's number stands for, the directory of
+// the same peer and participant says. The same holds for promises. A peer is known by the writer of its directory, whichever of its
+// writers speaks. A session is who spoke for it first, until that is gone: numbers of bodies, of links and of samples are the session's, so
+// what a stranger says in its name would stand among them.
 // Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
@@ -21,11 +19,9 @@
 #include <vector>
 
 #include "core/base/lru_map.hpp"
-#include "core/base/stopwatch.hpp"
 #include "idl/dds/body_book.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/routes.hpp"
-#include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 
 namespace nearmesh::subscriber {
@@ -55,13 +51,8 @@ class DdsPoses {
   static constexpr std::size_t kMaxStrangers = 256;
   static constexpr std::size_t kMaxAbsent = 256;  ///< writers of directories that went
 
-  /// `silence_s`: without a sign of life for so long a mover is silent; two missed ones at least.
-  DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured, double silence_s)
-      : mailbox_(mailbox),
-        topic_(std::move(topic)),
-        silence_s_(std::max(silence_s, 2 * wire::kStatusPeriod_s)),
-        is_secured_(is_secured),
-        bodies_(is_secured) {}
+  DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured)
+      : mailbox_(mailbox), topic_(std::move(topic)), is_secured_(is_secured), bodies_(is_secured) {}
 
   /// Directories that came since the last call; before the poses.
   void take_directories(const std::vector<wire::ReaderListener::Match>& matches,
@@ -83,8 +74,6 @@ class DdsPoses {
   [[nodiscard]] bool may_speak_for(wire::SessionId session, const wire::Handle& writer) const;
   /// Samples in the name of a session that another speaks for, since the last call.
   [[nodiscard]] std::uint64_t take_refused() { return std::exchange(refused_, 0); }
-  /// A sign of life of a session, from a writer of its participant's.
-  void hear_sign(wire::SessionId session, const wire::Handle& writer);
   /// With a bus: nobody is known any more.
   void clear();
   /// Adds what became of the bodies' movers since the last call: of each what holds now. Where more than `most` would wait, all that are there
@@ -101,11 +90,6 @@ class DdsPoses {
     wire::SessionId session = 0;
     wire::BodyDirectory::Body body;
     wire::Mover mover = wire::Mover::kNone;  ///< as was told
-  };
-  /// A session that moves bodies. Several may speak through one participant, as those of another site do through a router.
-  struct Source {
-    double heard_s = 0;  ///< a pose or a sign of life
-    bool gives_signs = false;
   };
   struct Part {
     wire::Handle writer;
@@ -151,12 +135,10 @@ class DdsPoses {
   void accept(Named&& heard, std::vector<wire::BodyPose>& accepted);
   void accept_contested(std::vector<wire::BodyPose>& accepted);
   void tell(const std::string& body, Moved& moved, wire::Mover now);
-  void look_for_silent();
   [[nodiscard]] std::set<std::string> lose(const wire::Handle& writer, wire::Mover how);
 
   wire::Mailbox& mailbox_;
   const std::string topic_;
-  const double silence_s_;
   const bool is_secured_;
   wire::BodyBook bodies_;
   LruMap<wire::SessionId, std::monostate, Participant> sessions_{kMaxPartsOfOne,
@@ -182,10 +164,9 @@ class DdsPoses {
   std::set<wire::Handle> over_full_;  ///< of whom that was said
   std::vector<Channel::Inbox::Told> told_;
   bool has_released_ = false;  ///< a body, since poses were taken
-  const Stopwatch clock_;
-  double looked_s_ = 0;  ///< for silent ones, the last time
-  LruMap<std::pair<wire::SessionId, Participant>, Source, Participant> sources_{
-      kMaxPartsOfOne, kMaxParts};       ///< by participant
+  /// Sessions that move bodies, by participant. Several may speak through one, as those of another site do through a router.
+  LruMap<std::pair<wire::SessionId, Participant>, std::monostate, Participant> sources_{
+      kMaxPartsOfOne, kMaxParts};
   std::map<std::string, Moved> moved_;  ///< bodies whose poses count
   std::map<std::string, wire::Mover> changes_;
   std::set<std::string> ended_;

@@ -17,8 +17,8 @@ namespace nearmesh::subscriber {
 namespace {
 
 /// An own body at rest is published again after this share of max_pose_age_s: of the rest half may be lost on the way, and
-/// the frames of neither side need to be frequent.
-constexpr double kRepeatShare = 0.25;
+/// the frames of neither side need to be frequent. After kRepeat_s at most, since whoever joins has no pose until then.
+constexpr double kRepeatShare = 0.25, kRepeat_s = 0.5;
 
 }  // namespace
 
@@ -106,13 +106,14 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     const std::uint32_t part = part_of(body);
     if (parts.empty() || parts.back() != part) parts.push_back(part);
   }
+  const double repeat_s = std::min(kRepeatShare * impl.options.max_pose_age_s, kRepeat_s);
   impl.fastest_mps = 0;
   for (const Body* own : impl.own_bodies) {
     const Body& body = *own;
     if (!body.motion) continue;
     impl.fastest_mps = std::max(impl.fastest_mps, length_bound(body.motion->linear_velocity_mps));
     if (!body.is_placed && is_at_rest(*body.motion) &&
-        std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s &&
+        std::abs(time_s - body.published_s) >= repeat_s &&
         (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()))
       impl.add_parts_of(body, parts);
   }

@@ -466,7 +466,7 @@ void Session::Impl::note_bounded(const Body& body, Bounded& bounded) const {
   bounded.places_digest += body.place.digest;
   bounded.pairs.add(body.place.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
   const bool is_elsewhere = body.told.known == Body::Told::Known::kPromised && !body.own &&
-                            !body.is_by_promise && body.near_sequence == 0;
+                            !body.is_by_promise && (body.pose_sequence == 0 || !body.is_near_pose);
   bounded.rests_on_more |= body.told.known == Body::Told::Known::kNot || is_elsewhere;
 }
 

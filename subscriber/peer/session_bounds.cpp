@@ -102,6 +102,17 @@ void Session::Impl::tell_watched() {
   }
 }
 
+/// Whether the last sample of its mover that came does not tell which one its pose came in.
+bool Session::Impl::is_posed_apart(const Body& body) const {
+  if (body.own || !is_numbered(body.told)) return false;
+  if (body.told.known == Told::Known::kPromised)
+    return !body.is_by_promise && broad.is_placed(*body.slot);
+  // Also where it is too old: a later one would not be.
+  const auto heard = last_pose_samples.find(body.told.mover);
+  return heard != last_pose_samples.end() && heard->second.lost != 0 &&
+         is_after(heard->second.lost, body.pose_sequence);
+}
+
 /// What the bodies are known by, of each mover.
 std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
   std::vector<wire::BoundsReport::Heard> heard;
@@ -109,17 +120,21 @@ std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
   for (const auto& [mover, count] : watched_movers) {
     const bool is_own = mover == channel->own_id();
     places.emplace(mover, heard.size());
-    heard.push_back({.poses = is_own ? pose_samples : last_pose_samples[mover],
+    heard.push_back({.poses = is_own ? pose_samples : last_pose_samples[mover].last,
                      .promises = is_own ? 0 : last_promises[mover],
                      .near = is_own ? near_samples : 0,
                      .posed = {}});
   }
-  if (hears_promises)
-    for (const Body* body : present)
-      if (body->told.known == Told::Known::kPromised && !body->own && !body->is_by_promise &&
-          broad.is_placed(*body->slot))
-        heard[places.at(body->told.mover)].posed.push_back(
-            {body->told.number, body->near_sequence});
+  const bool has_lost_any = std::any_of(last_pose_samples.begin(), last_pose_samples.end(),
+                                        [](const auto& entry) { return entry.second.lost != 0; });
+  // What does not fit into a report is not proved; the rest is.
+  std::size_t room = hears_promises || has_lost_any ? wire::kMaxWatchedPosed : 0;
+  for (auto at = present.begin(); at != present.end() && room > 0; ++at) {
+    const Body& body = **at;
+    if (!is_posed_apart(body)) continue;
+    heard[places.at(body.told.mover)].posed.push_back({body.told.number, body.pose_sequence});
+    --room;
+  }
   for (wire::BoundsReport::Heard& one : heard)
     std::sort(one.posed.begin(), one.posed.end(),
               [](const auto& a, const auto& b) { return a.number < b.number; });

@@ -48,7 +48,8 @@ struct Body {
   std::optional<std::uint32_t> heard_robot;  // another's: the first link of the robot that it is of
   wire::SessionId posed_by = 0;              // whose word its pose is; 0: nobody's on the bus
   wire::SessionId mover = 0;        // of the pose; 0: none, or no number on the bus says all of it
-  std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
+  std::uint32_t pose_sequence = 0;  // of the sample that its pose came in; 0: of none that counts
+  bool is_near_pose = false;        // that was one of near poses
   bool solid = false;
   std::optional<Motion> motion;
   wire::PoseStamp stamp;           // of the motion's pose
@@ -262,9 +263,14 @@ struct Session::Impl {
   std::set<std::uint32_t> untold_watched;  // parts of the bodies: others know them otherwise
   std::uint32_t watched_edition = 0;
   std::map<wire::SessionId, std::uint32_t> watched_movers;  // and of how many bodies
-  std::map<wire::SessionId, std::uint32_t> last_pose_samples, last_promises;  // that came, by mover
-  std::uint32_t pose_samples = 0, near_samples = 0, promise_samples = 0;      // that went out
-  bool has_recorder = false;                                                  // in this update
+  /// The last that came, and the last before it that did not.
+  struct HeardSamples {
+    std::uint32_t last = 0, lost = 0;  // 0: none
+  };
+  std::map<wire::SessionId, HeardSamples> last_pose_samples;              // by mover
+  std::map<wire::SessionId, std::uint32_t> last_promises;                 // that came, by mover
+  std::uint32_t pose_samples = 0, near_samples = 0, promise_samples = 0;  // that went out
+  bool has_recorder = false;                                              // in this update
 
   // session_worlds.cpp
   struct WorldPair {
@@ -428,6 +434,7 @@ struct Session::Impl {
   void note_known(Body& body);
   void note_told(Body& body, const Body::Told& now);
   void tell_watched();
+  [[nodiscard]] bool is_posed_apart(const Body& body) const;
   [[nodiscard]] std::vector<wire::BoundsReport::Heard> heard_of_movers();
   void tell_bounds(std::uint64_t frame, std::uint64_t free, const Bounded& bounded);
   void add_unbounded(Readiness& all, const Body& body);

@@ -109,8 +109,9 @@ void Session::Impl::forget_gone_movers() {
     for (const auto& promise : body->promises)
       if (promise) movers.insert(promise->peer);
   }
-  for (auto* const last : {&last_pose_samples, &last_promises})
-    std::erase_if(*last, [&](const auto& entry) { return !movers.contains(entry.first); });
+  const auto is_gone = [&](const auto& entry) { return !movers.contains(entry.first); };
+  std::erase_if(last_pose_samples, is_gone);
+  std::erase_if(last_promises, is_gone);
 }
 
 /// Others may go on from it with their own clocks, and one word must not take these beyond all times.
@@ -131,8 +132,12 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
   for (const wire::BodyPose& pose : inbox.poses) {
     hear_time(pose.time_s, pose.body, complaints);
     if (pose.sequence != 0 && !pose.is_near) {
-      std::uint32_t& last = last_pose_samples[pose.peer];
-      if (is_after(pose.sequence, last)) last = pose.sequence;
+      HeardSamples& heard = last_pose_samples[pose.peer];
+      if (is_after(pose.sequence, heard.last)) {
+        const std::uint32_t before = pose.sequence == 1 ? 0xffffffffU : pose.sequence - 1;
+        if (heard.last != 0 && heard.last != before) heard.lost = before;
+        heard.last = pose.sequence;
+      }
     }
     if (pose.links > 1) {
       take_link(pose, complaints);
@@ -153,7 +158,7 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
 
 void Session::Impl::take_mover(Body& body, wire::Mover mover) {
   if (body.own || body.is_placed) return;
-  if (mover == wire::Mover::kLeft) forget_robot(body);
+  if (mover != wire::Mover::kThere) forget_robot(body);
   if (body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
   if (body.promiser != wire::Mover::kNone) body.promiser = mover;
 }
@@ -187,7 +192,8 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
   body.mover = pose.sequence != 0 && !pose.is_near ? pose.peer : 0;
   body.number = pose.number;
   body.heard_robot = pose.links > 1 ? std::optional(pose.first_link) : std::nullopt;
-  body.near_sequence = pose.is_near ? pose.sequence : 0;
+  body.pose_sequence = pose.sequence;
+  body.is_near_pose = pose.is_near;
 }
 
 /// As if none had come.
@@ -195,7 +201,7 @@ void Session::Impl::forget_pose(Body& body) {
   body.motion.reset();
   body.stamp.mover = wire::Mover::kNone;
   body.posed_by = body.mover = 0;
-  body.near_sequence = 0;
+  body.pose_sequence = 0;
 }
 
 void Session::Impl::take_hello(const wire::Hello& hello) {

@@ -408,7 +408,12 @@ Outcome run(const RunOptions& options) {
   if (options.ros2.is_wanted) scene.value().session.contacts = true;
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);
-  Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
+  DdsChannelOptions bus = options.channel;
+  if (!scene.value().watches_all) {
+    bus.bodies.emplace();
+    for (const BodyOfScene& body : scene.value().bodies) bus.bodies->push_back(body.name);
+  }
+  Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(bus);
   NEARMESH_RETURN_IF_ERROR(channel);
   const wire::TransportOptions& transport = options.channel.transport;
   spdlog::info("joined domain {}, topics {}/*, transport {}, as peer {}", transport.domain,

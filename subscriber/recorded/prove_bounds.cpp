@@ -231,8 +231,8 @@ class Prover {
     bool is_certain =
         false;  // no other can be meant: it is the peer's own, and nothing of the mover's is missing
   };
-  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked for here. `exactly`: in the near poses
-  /// of that sequence.
+  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked for here. `exactly`: in the sample of that
+  /// sequence.
   FoundPose find_pose(const Participant& peer_from, wire::SessionId peer, WatchedBody& body,
                       const wire::BoundsReport::Heard& heard,
                       const std::optional<std::uint32_t>& exactly, FoundLinks& links) {
@@ -244,7 +244,7 @@ class Prover {
       const wire::BodyDirectory::Body* who = tape.who_is(body.number);
       if (who == nullptr) return false;
       // Who moves a robot knows each instant at once.
-      const PoseSamples::Found found = who->links > 1 && body.mover != peer
+      const PoseSamples::Found found = who->links > 1 && body.mover != peer && !exactly
                                            ? links.find(samples, *who, last)
                                            : samples.find(body.number, last);
       if (found.body == nullptr || (exactly && !found.is_of(*exactly))) return false;

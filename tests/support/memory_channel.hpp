@@ -66,25 +66,28 @@ class MemoryBus {
       at->second.batches.push(now_, message);
   }
   void inject(const wire::BodyPose& pose) { to_peers(pose); }
-  /// Of bodies that a directory has named, as all that peers send are.
+  /// Of bodies that a directory has named, as all that peers send are. What happens on the way to a peer happens to all of the sample.
   void inject(const wire::BodyPoses& poses) {
+    std::vector<wire::BodyPose> sample;
     for (const wire::BodyPoses::Body& body : poses.bodies) {
       const auto told = directories_.find({poses.peer, body.number});
       if (told == directories_.end()) continue;
       begin_to_move(poses.peer, told->second);
       ++common_poses;
-      to_peers(wire::BodyPose{.peer = poses.peer,
-                              .body = told->second.name,
-                              .frame = poses.frame,
-                              .time_s = body.time_s,
-                              .pose = body.motion.pose,
-                              .linear_velocity_mps = body.motion.linear_velocity_mps,
-                              .angular_velocity_radps = body.motion.angular_velocity_radps,
-                              .number = body.number,
-                              .sequence = poses.sequence,
-                              .links = told->second.links,
-                              .first_link = told->second.first_link});
+      sample.push_back({.peer = poses.peer,
+                        .body = told->second.name,
+                        .frame = poses.frame,
+                        .time_s = body.time_s,
+                        .pose = body.motion.pose,
+                        .linear_velocity_mps = body.motion.linear_velocity_mps,
+                        .angular_velocity_radps = body.motion.angular_velocity_radps,
+                        .number = body.number,
+                        .sequence = poses.sequence,
+                        .links = told->second.links,
+                        .first_link = told->second.first_link});
     }
+    for (auto& [id, box] : peers_)
+      if (id != poses.peer) post(box.poses, sample, on_poses);
   }
   /// As the writer's filter does it.
   void inject(const wire::NearPoses& poses) {
@@ -233,9 +236,16 @@ class MemoryBus {
 
   template <class Message>
   void post(Post<Message>& to, const Message& message, const Faults& faults) {
+    post(to, std::vector{message}, faults);
+  }
+  /// All at once.
+  template <class Message>
+  void post(Post<Message>& to, const std::vector<Message>& messages, const Faults& faults) {
     if (random_.unit() < faults.lose) return;
-    for (int copies = random_.unit() < faults.repeat ? 2 : 1; copies > 0; --copies)
-      to.push(now_ + random_.below(faults.max_delay + 1), message);
+    for (int copies = random_.unit() < faults.repeat ? 2 : 1; copies > 0; --copies) {
+      const auto at = now_ + random_.below(faults.max_delay + 1);
+      for (const Message& message : messages) to.push(at, message);
+    }
   }
   void to_publishers(wire::RegionSubscription message) {
     message.region.max_splits = std::min(message.region.max_splits, most_splits);

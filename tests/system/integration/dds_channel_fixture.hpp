@@ -233,6 +233,19 @@ struct Peer {
   bool await(const std::function<bool(const Inbox&)>& condition, double seconds = kDeadline_s) {
     return wait_for([&] { return condition(collect()); }, seconds);
   }
+  /// Until all of these poses were heard, whose bodies were told: they are heard with best effort, so they are said again meanwhile.
+  bool await_said(PeerChannel& mover, const std::vector<wire::BodyPose>& poses) {
+    SaysAgain again;
+    return await([&](const Inbox& in) {
+      const Heard heard = heard_in(in);
+      const bool has_all = std::all_of(poses.begin(), poses.end(), [&](const wire::BodyPose& pose) {
+        return heard.contains({pose.body, pose.frame});
+      });
+      if (!has_all && again.is_due())
+        for (const wire::BodyPose& pose : poses) mover.send(said_of(pose).poses);
+      return has_all;
+    });
+  }
   /// For a failed expectation: what came so far.
   [[nodiscard]] std::string story() const {
     std::string text = std::to_string(all.hellos.size()) + " hellos, " +

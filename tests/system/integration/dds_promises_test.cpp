@@ -32,11 +32,19 @@ wire::NearPoses near_of(wire::SessionId peer, std::uint64_t frame) {
 
 /// "leg", another body of a peer's, where it is: alone in a part.
 void say_leg(PeerChannel& channel, std::uint32_t part = 1) {
-  const wire::SessionId peer = channel.own_id();
   const std::uint32_t number = part * wire::kBodiesPerPart;
-  channel.send(
-      wire::BodyDirectory{.peer = peer, .part = part, .bodies = {{number, "leg", "model of leg"}}});
-  channel.send(wire::BodyPoses{.peer = peer, .part = part, .bodies = {{number}}});
+  channel.send(wire::BodyDirectory{
+      .peer = channel.own_id(), .part = part, .bodies = {{number, "leg", "model of leg"}}});
+}
+/// Says where it is until the other has heard it.
+bool hears_leg(Peer& watcher, PeerChannel& mover, std::uint32_t part = 1) {
+  SaysAgain again;
+  return watcher.await([&](const Inbox& in) {
+    if (again.is_due())
+      mover.send(wire::BodyPoses{
+          .peer = mover.own_id(), .part = part, .bodies = {{part * wire::kBodiesPerPart}}});
+    return heard_in(in).contains({"leg", 0});
+  });
 }
 
 /// A reader's filter that lets everything pass: what does not come, its writer chose not to send.
@@ -109,6 +117,39 @@ TEST(DdsChannel, NearPosesAreSentToThoseAloneWhoWantThem) {
     EXPECT_LE(does_not.collect().poses.back().frame, both);
   }
   fdds::DomainParticipantFactory::get_instance()->delete_participant(host);
+}
+
+TEST(DdsChannel, FewPosesAreSentToWhoNamesNoneOfTheBodies) {
+  const auto join_naming = [](const std::vector<std::string>& bodies) {
+    subscriber::DdsChannelOptions options;
+    options.transport = transport(own_prefix());
+    options.bodies = bodies;
+    auto made = PeerChannel::create(options);
+    EXPECT_TRUE(made.is_ok()) << made.status().message();
+    return std::move(made).value();
+  };
+  Peer any(make_peer(own_prefix())), arms(join_naming({"ground", "arm"})), none(join_naming({})),
+      mover(make_peer(own_prefix())), other(make_peer(own_prefix()));
+  const wire::BodyPose arm = pose_of(mover.channel->own_id(), "arm", 1),
+                       leg = pose_of(other.channel->own_id(), "leg", 2);
+  say(*mover.channel, arm);
+  say(*other.channel, leg);
+  ASSERT_TRUE(any.await_said(*mover.channel, {arm}) && any.await_said(*other.channel, {leg}));
+  ASSERT_TRUE(arms.await_said(*mover.channel, {arm}));
+  // By now all know each other. What follows is heard by whoever names the body.
+  std::uint64_t frame = 10;
+  ASSERT_TRUE(any.await([&](const Inbox& in) {
+    ++frame;
+    other.channel->send(said_of(pose_of(other.channel->own_id(), "leg", frame)).poses);
+    return in.poses.size() > 300;
+  }));
+  // One each five seconds, for the clock.
+  EXPECT_LT(arms.collect().poses.size(), 50U);
+  EXPECT_LT(none.collect().poses.size(), 50U);
+  // Its next body is named.
+  const wire::BodyPose ground = pose_of(other.channel->own_id(), "ground", 3);
+  say(*other.channel, ground);
+  EXPECT_TRUE(arms.await_said(*other.channel, {ground}));
 }
 
 // The session knows who wants what by the peer's name alone.
@@ -211,7 +252,7 @@ TEST(DdsChannel, WhoJoinsLaterHearsAMoverThatHasRemovedMoreBodiesThanAreKept) {
   say_leg(*mover.channel, kRemoved);  // the last, by time and by key
   Peer late(make_peer(own_prefix()));
   for (Peer* peer : {&watcher, &late}) {
-    ASSERT_TRUE(peer->await([](const Inbox& in) { return !in.poses.empty(); })) << peer->story();
+    ASSERT_TRUE(hears_leg(*peer, *mover.channel, kRemoved)) << peer->story();
     EXPECT_EQ(peer->all.poses[0].body, "leg");
     EXPECT_EQ(peer->all.complaints, std::vector<std::string>{});
   }
@@ -290,12 +331,12 @@ TEST(DdsChannel, PromisesCountOnceADirectoryNamesThemAndOfWhoHasASpeed) {
   const wire::SessionId id = mover.channel->own_id();
   mover.channel->promise(promises_of(id, 1));
   say(*mover.channel, pose_of(id, "leg", 1));
-  ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
+  ASSERT_TRUE(watcher.await_said(*mover.channel, {pose_of(id, "leg", 1)}));
   EXPECT_TRUE(watcher.all.promises.empty());
   // Of a body that may have any speed a promise says nothing.
   mover.channel->send(directory_of(id, 0));
   say(*mover.channel, pose_of(id, "leg", 2));
-  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  ASSERT_TRUE(watcher.await_said(*mover.channel, {pose_of(id, "leg", 2)}));
   EXPECT_TRUE(watcher.all.promises.empty());
   mover.channel->send(directory_of(id));
   mover.channel->promise(promises_of(id, 2));
@@ -322,7 +363,7 @@ TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
     thief.channel->promise(promises_of(id, 8));
     // Both have one key: what waits unread is displaced by what comes later.
     say_leg(*thief.channel);
-    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
+    ASSERT_TRUE(hears_leg(watcher, *thief.channel));
     mover.channel->promise(promises_of(id, 2));
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 2; }));
     EXPECT_EQ(watcher.all.promises[1].from_s, 2);
@@ -348,15 +389,15 @@ TEST(DdsChannel, WhoRemovesABodyThatAnotherMovesDoesNotGetItsNameLater) {
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
     second.channel->send(wire::BodyDirectory{.peer = second_id});
     say_leg(*second.channel);  // behind that
-    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+    ASSERT_TRUE(hears_leg(watcher, *second.channel));
   }
   ASSERT_TRUE(
       watcher.await([](const Inbox& in) { return in.movers.at("arm") != wire::Mover::kThere; }));
   Peer third(make_peer(own_prefix()));
-  say(*third.channel, pose_of(third.channel->own_id(), "arm", 3));
-  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }))
-      << watcher.story();
-  EXPECT_EQ(watcher.all.poses[1].frame, 3U);
+  const wire::BodyPose next = pose_of(third.channel->own_id(), "arm", 3);
+  say(*third.channel, next);
+  ASSERT_TRUE(watcher.await_said(*third.channel, {next})) << watcher.story();
+  EXPECT_EQ(heard_in(watcher.all), Heard({{"leg", 0}, {"arm", 3}}));
   EXPECT_EQ(watcher.all.promises.size(), 1U);
   EXPECT_EQ(watcher.all.complaints.size(), 1U);
 }
@@ -374,9 +415,13 @@ TEST(DdsChannel, APromiseOfABodyThatIsGoneDoesNotWaitBesideThePoseOfTheNextOfIts
       first.channel.reset();
     else
       first.channel->send(wire::BodyDirectory{.peer = first_id});
-    say(*second.channel, pose_of(second_id, "arm", 2));
+    const wire::BodyPose next = pose_of(second_id, "arm", 2);
+    say(*second.channel, next);
     // Time for all of it: without, each may have an inbox of its own, and the test would say nothing.
-    std::this_thread::sleep_for(std::chrono::seconds(1));
+    for (int i = 0; i < 20; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      second.channel->send(said_of(next).poses);
+    }
     Inbox taken;
     ASSERT_TRUE(wait_for([&] {
       taken = watcher.channel->take();

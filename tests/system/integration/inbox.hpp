@@ -2,7 +2,11 @@
 #pragma once
 // What a peer's channel gave, kept for tests.
 
+#include <cstdint>
 #include <iterator>
+#include <set>
+#include <string>
+#include <utility>
 
 #include "nearmesh/subscriber/peer/channel.hpp"
 
@@ -26,6 +30,14 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   append(all.wanted, now.wanted);
   for (const auto& [body, mover] : now.movers) all.movers[body] = mover;
   append(all.complaints, now.complaints);
+}
+
+using Heard = std::set<std::pair<std::string, std::uint64_t>>;
+/// The poses that came, by body and frame.
+inline Heard heard_in(const subscriber::Channel::Inbox& inbox) {
+  Heard heard;
+  for (const wire::BodyPose& pose : inbox.poses) heard.emplace(pose.body, pose.frame);
+  return heard;
 }
 
 }  // namespace nearmesh::test

@@ -21,4 +21,18 @@ inline bool poll(const std::function<bool()>& done, double seconds, double perio
   }
 }
 
+/// What is said again and again while something is waited for: each 50 ms.
+class SaysAgain {
+ public:
+  [[nodiscard]] bool is_due() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - last_ < std::chrono::milliseconds(50)) return false;
+    last_ = now;
+    return true;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_{};
+};
+
 }  // namespace nearmesh::test

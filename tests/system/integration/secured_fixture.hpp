@@ -26,6 +26,7 @@ inline constexpr double kQuiet_s = 1.5;
 struct SecuredPeer {
   std::unique_ptr<subscriber::DdsChannel> channel;
   subscriber::Channel::Inbox all;
+  std::map<std::string, wire::BodyPoses> said;  ///< of its bodies, the last
 
   subscriber::Channel::Inbox& collect() {
     take_into(*channel, all);
@@ -38,8 +39,17 @@ struct SecuredPeer {
       return false;
     });
   }
-  bool hears_frame(std::uint64_t frame) {
-    return await([&] { return !collect().poses.empty() && all.poses.back().frame == frame; });
+  /// Poses are heard with best effort, so they are said again.
+  void say_again() const {
+    for (const auto& [body, poses] : said) channel->send(poses);
+  }
+  /// Of a body that the other moves.
+  bool hears(const SecuredPeer& mover, const std::string& body, std::uint64_t frame) {
+    SaysAgain again;
+    return await([&] {
+      if (again.is_due()) mover.say_again();
+      return heard_in(collect()).contains({body, frame});
+    });
   }
 };
 
@@ -110,7 +120,7 @@ class Secured : public ::testing::Test {
     options.transport = transport(security);
     auto made = subscriber::DdsChannel::create(options);
     if (!made.is_ok()) ADD_FAILURE() << made.status().message();
-    return {made.is_ok() ? std::move(made).value() : nullptr, {}};
+    return {made.is_ok() ? std::move(made).value() : nullptr, {}, {}};
   }
   static wire::RegionSubscription request_of(const SecuredPeer& peer, wire::SessionId publisher) {
     wire::RegionSubscription message;
@@ -122,12 +132,13 @@ class Secured : public ::testing::Test {
     message.region.region.push_back(GridBox{{{0, 0, 0}}, {{10, 10, 10}}});
     return message;
   }
-  static void move(const SecuredPeer& peer, const std::string& body, std::uint64_t frame) {
+  static void move(SecuredPeer& peer, const std::string& body, std::uint64_t frame) {
     wire::BodyPose pose;
     pose.peer = peer.channel->own_id();
     pose.body = body;
     pose.frame = frame;
     say(*peer.channel, pose);
+    peer.said[body] = said_of(pose).poses;
   }
   // Nothing of a false publisher reaches the peer, while the true one is heard, and nothing of the peer reaches it.
   void expect_unheard(publisher::DdsChannel& false_publisher, SecuredPeer& peer) const {

@@ -27,7 +27,12 @@ TEST_F(Secured, ParticipantWithoutIdentityMatchesNothing) {
   expect_unheard(*stranger, peer);
   ASSERT_TRUE(outside.hears(kFalse));
   move(outside, "arm", 1);
-  EXPECT_FALSE(test::await([&] { return !peer.collect().poses.empty(); }, kQuiet_s));
+  EXPECT_FALSE(test::await(
+      [&] {
+        outside.say_again();
+        return !peer.collect().poses.empty();
+      },
+      kQuiet_s));
   for (const wire::Hello& hello : outside.collect().hellos) EXPECT_EQ(hello.publisher, kFalse);
 }
 
@@ -85,21 +90,21 @@ TEST_F(Secured, BodyStaysWithItsIdentity) {
   {
     Peer alice = join(set + "/alice");
     move(alice, "arm", 1);
-    ASSERT_TRUE(watcher.hears_frame(1));
+    ASSERT_TRUE(watcher.hears(alice, "arm", 1));
     move(bob, "arm", 2);
     move(bob, "leg", 3);
-    ASSERT_TRUE(watcher.hears_frame(3));
-    EXPECT_EQ(watcher.all.poses.size(), 2U);
+    ASSERT_TRUE(watcher.hears(bob, "leg", 3));
+    EXPECT_EQ(test::heard_in(watcher.all), test::Heard({{"arm", 1}, {"leg", 3}}));
     ASSERT_EQ(watcher.all.complaints.size(), 1U);
     EXPECT_NE(watcher.all.complaints[0].find("body arm"), std::string::npos);
   }
   move(bob, "arm", 4);
   move(bob, "leg", 5);
-  ASSERT_TRUE(watcher.hears_frame(5));
-  EXPECT_EQ(watcher.all.poses.size(), 3U);
+  ASSERT_TRUE(watcher.hears(bob, "leg", 5));
+  EXPECT_EQ(test::heard_in(watcher.all), test::Heard({{"arm", 1}, {"leg", 3}, {"leg", 5}}));
   Peer again = join(set + "/alice");  // another participant and session, the same identity
   move(again, "arm", 6);
-  EXPECT_TRUE(watcher.hears_frame(6));
+  EXPECT_TRUE(watcher.hears(again, "arm", 6));
 }
 
 // The more come in one moment, the more of them are introduced to each other by two threads at once.

@@ -17,7 +17,7 @@ wire::Handle writer(std::uint8_t identity, std::uint8_t participant) {
 TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) {
   for (const bool is_removed : {true, false}) {
     wire::Mailbox mailbox;
-    DdsPoses poses(mailbox, "body_poses", true, 2);
+    DdsPoses poses(mailbox, "body_poses", true);
     constexpr std::uint32_t kBodies = 2 * wire::BodyBook::kMaxOfOne;
     for (std::uint32_t i = 0; i < kBodies; ++i) {
       const wire::Handle mover = writer(1, static_cast<std::uint8_t>(is_removed ? 0 : i % 200));
@@ -60,7 +60,7 @@ wire::BodyDirectory directory_of(std::uint32_t number, double max_speed_mps = 0)
 // What is said of bodies comes by other ways than who they are, and of those that are gone nobody tells any more.
 TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   std::uint32_t sequence = 0;
   for (const std::uint8_t participant : {std::uint8_t{1}, std::uint8_t{2}}) {
     const wire::Handle mover = writer(1, participant);
@@ -84,7 +84,7 @@ TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
 
 TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   const wire::Handle waits = writer(1, 1), stranger = writer(1, 2);
   EXPECT_TRUE(poses.take({{poses_of(3, 1), waits}}, false).empty());
   for (std::uint32_t i = 0; i < DdsPoses::kMaxParts + 10; ++i)
@@ -96,7 +96,7 @@ TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
 // Robots, numbers of samples and promises are told apart by the session: what is said in its name would stand among its own.
 TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   const wire::Handle mover = writer(1, 1), stranger = writer(1, 2);
   // A directory alone takes nothing from anybody, though it comes first.
   poses.take_directories({}, {{directory_of(1, 10), stranger}}, false);
@@ -125,7 +125,7 @@ TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
 
 TEST(DdsPoses, OnASecuredBusAnIdentityKeepsItsSessionsThroughWhicheverOfItsPrograms) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", true, 2);
+  DdsPoses poses(mailbox, "body_poses", true);
   const wire::Handle mover = writer(1, 1), anew = writer(1, 2), stranger = writer(2, 3);
   poses.take_directories({}, {{directory_of(0), mover}, {directory_of(0), anew}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), mover}, {poses_of(0, 2), anew}}, false).size(), 2U);
@@ -144,7 +144,7 @@ std::map<std::string, wire::Mover> changes_of(DdsPoses& poses) {
 // Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or its lease had ended.
 TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   const wire::Handle mover = writer(1, 1);
   poses.take_directories({}, {{directory_of(0), mover}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
@@ -168,7 +168,7 @@ TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
 
 TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   std::uint8_t participant = 0;
   for (std::size_t told = 0; told < DdsPoses::kMaxParts; told += DdsPoses::kMaxPartsOfOne) {
     const wire::Handle mover = writer(1, ++participant);
@@ -185,10 +185,10 @@ TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
   EXPECT_TRUE(mailbox.take_complaints().empty());
 }
 
-// As peers of another site do through a router: each of them removes bodies and gives signs of life for itself.
+// As peers of another site do through a router: each of them removes bodies of its own.
 TEST(DdsPoses, SessionsThatSpeakThroughOneParticipantAreToldApart) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   const wire::Handle router = writer(1, 1);
   const auto as_other = [](auto said) {
     said.peer = 8;
@@ -216,7 +216,7 @@ TEST(DdsPoses, SessionsThatSpeakThroughOneParticipantAreToldApart) {
 // Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who left is taken to be there.
 TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
   wire::Mailbox mailbox;
-  DdsPoses poses(mailbox, "body_poses", false, 2);
+  DdsPoses poses(mailbox, "body_poses", false);
   constexpr std::size_t kMost = 10;
   Channel::Inbox inbox;
   const wire::Handle stays = writer(1, 1);

@@ -142,6 +142,25 @@ TEST_F(MovedByAnother, AtRestItStaysCertifiedForAMinute) {
   EXPECT_EQ(said, 120U);  // two a second
 }
 
+// A pose is heard by who is there: whoever joins waits for the next, however old a pose may be.
+TEST_F(MovedByAnother, AtRestItIsKnownSoonToWhoJoins) {
+  SessionOptions options = quick_options();
+  options.max_pose_age_s = 3600;
+  join(options);
+  const Motion rest = above_ground(800, 30);
+  for (std::size_t i = 0; i < 41; ++i)
+    world_.round(
+        *mover_, i,
+        i == 0 ? std::vector<Session::OwnMotion>{{kOne, rest}} : std::vector<Session::OwnMotion>{});
+  const auto late = world_.bus.make_peer(kListener);
+  std::size_t heard = 0;
+  for (std::size_t i = 41; i < 51; ++i) {  // half a second
+    world_.round(*mover_, i);
+    heard += late->take().poses.size();
+  }
+  EXPECT_EQ(heard, 1U);
+}
+
 TEST_F(MovedByAnother, ItsTimeGoesBackNoMoreThanOnceInSilence) {
   join();
   ASSERT_TRUE(is_sure(fly(0, 60).back(), kGroundOne));

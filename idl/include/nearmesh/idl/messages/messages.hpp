@@ -256,7 +256,7 @@ enum class Mover : std::uint8_t {
   kNone = 0,    ///< no pose of the body has come
   kThere = 1,   ///< or the body is in place
   kLeft = 2,    ///< it ended, or its participant was lost
-  kSilent = 3,  ///< it gave a sign of life each second, and gives none any more
+  kSilent = 3,  ///< nothing comes from its participant any more
   kBarred = 4,  ///< its identity was revoked or has expired
 };
 
@@ -395,9 +395,11 @@ struct BoundsReport {
     std::uint32_t promises = 0;
     /// Of the peer itself, whose promised bodies are known by their poses: that of its last NearPoses. Else 0.
     std::uint32_t near = 0;
-    /// Promised bodies of another that were known by a full pose.
+    /// Bodies of another that were known by a full pose which `poses` does not name: promised ones, and where samples were lost that
+    /// may have held a later one.
     struct Posed {
-      std::uint32_t number = 0, sequence = 0;  ///< of the NearPoses that it came in
+      std::uint32_t number = 0,
+                    sequence = 0;  ///< of the sample that it came in; NearPoses if it is promised
       bool operator==(const Posed&) const = default;
     };
     std::vector<Posed> posed;  ///< by number
@@ -448,7 +450,7 @@ inline constexpr std::size_t kDoorRefusals = 9;
 [[nodiscard]] const char* to_string(DoorRefusal refusal);
 
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
-/// it from outside. For peers it is the sign of life of who moves a body.
+/// it from outside.
 struct ProcessStatus {
   std::uint16_t wire_version = kWireVersion;
   SessionId session = 0;

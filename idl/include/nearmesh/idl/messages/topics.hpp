@@ -43,8 +43,8 @@ struct Delivery {
   int depth = 1;            ///< samples kept per key; of keeps_all in total
   bool is_latched = false;  ///< whoever joins later gets what is kept
   bool is_reliable = true;  ///< a lost datagram is repaired within a heartbeat
-  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each second. All
-  /// readers answer each, so that many on a busy machine would be occupied with nothing else.
+  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each two seconds.
+  /// All readers answer each, so that many on a busy machine would be occupied with nothing else.
   bool is_said_again = false;
   bool is_routed =
       false;  ///< its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all
@@ -129,7 +129,8 @@ inline constexpr std::tuple kTopics{
                               [](const RegionSubscription& m) {
                                 return m.request == 0 ? std::string() : key_of(m.peer);
                               }},
-    // The latest poses of each part of a mover's bodies; latched, so that whoever joins learns of bodies at rest.
+    // The latest poses of each part of a mover's bodies; latched for recorders. Peers hear them with best effort, for a lost one would hold
+    // up the next until it is repaired; those at rest are said again.
     Topic<BodyPoses>{{.name = "body_poses",
                       .type = "nearmesh::wire_types::BodyPosesSample",
                       .delivery = {.is_latched = true, .is_said_again = true},
@@ -212,7 +213,7 @@ inline constexpr std::tuple kTopics{
          .signs_for_each = true,
          .is_recorded = true},
         [](const HeldDetail& m) { return key_of(m.peer) + "/" + key_of(m.content_hash); }},
-    // What each process said last of itself; who asks later gets it at once. Peers hear it with best effort: any word is a sign of life.
+    // What each process said last of itself; who asks later gets it at once.
     Topic<ProcessStatus>{{.name = "process_status",
                           .type = "nearmesh::wire_types::ProcessStatusSample",
                           .delivery = {.is_latched = true, .is_said_again = true},

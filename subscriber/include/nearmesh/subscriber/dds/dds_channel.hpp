@@ -6,6 +6,9 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
@@ -21,6 +24,10 @@ struct DdsChannelOptions {
   wire::TransportOptions transport;
   wire::SessionId session =
       0;  ///< this peer's number on the bus, unlike all others'; 0: one drawn at random
+  /// All bodies that the host will ever name in its session, others' and its own, where it knows them beforehand: peers are told, and
+  /// send it a pose of others' bodies each five seconds alone, for the exercise's clock. Of a body that is not among them "no pose has
+  /// come", or an old one. None: it may name any. By UDP without identities, on an own participant; more than 64 names count as none.
+  std::optional<std::vector<std::string>> bodies;
   /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
   /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
   /// was made here is removed. Must outlive the channel.
@@ -30,7 +37,8 @@ struct DdsChannelOptions {
 /// Samples about where bodies are, between this peer and another, since the start.
 struct PoseCounts {
   std::uint64_t heard_poses = 0, heard_promises = 0, heard_near = 0;
-  /// That the other wrote between two that were heard, and that never came or were displaced by later ones before they were taken.
+  /// That the other wrote between two that were heard, and that never came or were displaced by later ones before they were taken. Also
+  /// those that it did not send here, since none of its bodies is named here (DdsChannelOptions::bodies).
   std::uint64_t lost_poses = 0, lost_promises = 0;
   std::uint64_t sent_near = 0;  ///< to it alone; beside its heard_near, this tells what was lost
 };
