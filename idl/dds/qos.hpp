@@ -54,7 +54,7 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
   // Never block the caller; a write that cannot be taken is tried again by whoever made it.
   qos.reliability().max_blocking_time = Duration(0, 0);
   if (delivery.is_said_again) qos.reliable_writer_qos().disable_heartbeat_piggyback = true;
-  set_heartbeat_period(qos, delivery.is_said_again ? std::max(heartbeat_s, 2.0) : heartbeat_s);
+  set_heartbeat_period(qos, delivery.is_said_again ? std::max(heartbeat_s, 1.0) : heartbeat_s);
   qos.publish_mode().kind = fdds::SYNCHRONOUS_PUBLISH_MODE;  // the lowest latency
   // Readers beyond these get all.
   if (delivery.is_routed) qos.writer_resource_limits().reader_filters_allocation.maximum = 4096;

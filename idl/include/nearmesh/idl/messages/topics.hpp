@@ -43,8 +43,8 @@ struct Delivery {
   int depth = 1;            ///< samples kept per key; of keeps_all in total
   bool is_latched = false;  ///< whoever joins later gets what is kept
   bool is_reliable = true;  ///< a lost datagram is repaired within a heartbeat
-  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each two seconds.
-  /// All readers answer each, so that many on a busy machine would be occupied with nothing else.
+  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each second. All
+  /// readers answer each, so that many on a busy machine would be occupied with nothing else.
   bool is_said_again = false;
   bool is_routed =
       false;  ///< its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all
