@@ -139,7 +139,7 @@ TEST_F(PoseHearersTest, OnlyMessagesThatAreAllPosesAreLeftOut) {
 }
 
 // From the hearer's announcement to the places that a mover's message is sent to.
-TEST_F(PoseHearersTest, DoorSendsNoPosesToWhoNamesNoneOfTheBodies) {
+TEST_F(PoseHearersTest, DoorSendsFewPosesToWhoNamesNoneOfTheBodies) {
   DoorWatch door({.is_plain = true, .by_udp_alone = true}, nullptr);
   Rtps heard(kHearer);
   heard.begin_announcement().lease(20);
