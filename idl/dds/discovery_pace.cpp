@@ -12,7 +12,7 @@ using namespace rtps_ids;
 using Bytes = std::span<const std::uint8_t>;
 using Kind = DiscoveryWord::Kind;
 
-constexpr std::uint8_t kLittleEndian = 1, kWithInlineQos = 2, kWithPayload = 4;
+constexpr std::uint8_t kWithInlineQos = 2, kWithPayload = 4;
 /// Of a period: Fast DDS's own timer comes a little early at times.
 constexpr double kEarly = 0.9;
 
@@ -53,23 +53,14 @@ std::optional<DiscoveryWord> greeting_in(Cursor in) {
 
 std::optional<DiscoveryWord> discovery_word(Bytes message) {
   std::optional<DiscoveryWord> found;
-  for (std::size_t at = kHeaderBytes; at + 4 <= message.size();) {
-    const std::uint8_t id = message[at], flags = message[at + 1];
-    const bool little_endian = (flags & kLittleEndian) != 0;
-    const std::size_t length = Cursor(message.subspan(at + 2, 2), little_endian).u16();
-    if (length > message.size() - at - 4) return std::nullopt;
-    const Cursor body(message.subspan(at + 4, length), little_endian);
-    if (id == kData || id == kHeartbeat || id == kAckNack) {
-      if (found) return std::nullopt;
-      found = id == kData        ? announcement_in(body, flags)
-              : id == kHeartbeat ? reminder_in(body)
-                                 : greeting_in(body);
-      if (!found) return std::nullopt;
-    } else if (id != kInfoTimestamp && id != kInfoDestination && id != kStatistics) {
-      return std::nullopt;
-    }
-    at += 4 + length;
-  }
+  const auto read = [&](std::uint8_t id, std::uint8_t flags, const Cursor& body) {
+    if (found) return false;
+    if (id == kData) found = announcement_in(body, flags);
+    if (id == kHeartbeat) found = reminder_in(body);
+    if (id == kAckNack) found = greeting_in(body);
+    return found.has_value();
+  };
+  if (!for_each_word(message, read)) return std::nullopt;
   if (found) std::copy_n(message.begin() + 8, found->own.size(), found->own.begin());
   return found;
 }

@@ -73,11 +73,13 @@ class DoorWatch {
     const std::optional<DiscoveryWord> word = discovery_word(message);
     const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
     const std::lock_guard lock(pace_mutex_);
-    if (hearers_.is_poses(message))
-      std::erase_if(places, [&](const auto& place) {
-        return !hearers_.may_go(place_of(place), now.count());
-      });
-    if (!word) return;
+    if (!word) {
+      if (hearers_.is_poses(message))
+        std::erase_if(places, [&](const auto& place) {
+          return !hearers_.may_go(place_of(place), now.count());
+        });
+      return;
+    }
     std::erase_if(places, [&](const auto& place) {
       try {
         return !pace_.may_go(*word, place_of(place), now.count());

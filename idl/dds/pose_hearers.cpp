@@ -72,23 +72,13 @@ void PoseHearers::forget(const ParticipantKey& key) {
 
 bool PoseHearers::is_poses(Bytes message) const {
   if (!writer_) return false;
-  bool is_by_writer = false;
-  for (std::size_t at = kHeaderBytes; at + 4 <= message.size();) {
-    const std::uint8_t id = message[at];
-    const bool little_endian = (message[at + 1] & 1) != 0;
-    const std::size_t length = Cursor(message.subspan(at + 2, 2), little_endian).u16();
-    if (length > message.size() - at - 4) return false;
-    if (id == kData) {
-      Cursor in(message.subspan(at + 4, length), little_endian);
-      in.skip(8);
-      if (in.big_u32() != *writer_ || !in.is_whole()) return false;
-      is_by_writer = true;
-    } else if (id != kInfoTimestamp && id != kInfoDestination && id != kStatistics) {
-      return false;
-    }
-    at += 4 + length;
-  }
-  return is_by_writer;
+  bool is_any = false;
+  const auto is_by_writer = [&](std::uint8_t id, std::uint8_t, Cursor body) {
+    is_any = true;
+    body.skip(8);
+    return id == kData && body.big_u32() == *writer_ && body.is_whole();
+  };
+  return for_each_word(message, is_by_writer) && is_any;
 }
 
 bool PoseHearers::may_go(const RtpsPlace& place, double now_s) {

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <span>
 
+#include "rtps_ids.hpp"
+
 namespace nearmesh::wire {
 
 /// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
@@ -84,5 +86,23 @@ class Cursor {
   std::size_t at_ = 0;
   bool whole_ = true;
 };
+
+/// What a message says: use(id, flags, body) of each submessage, but for those that only tell when it was said, to whom, and statistics.
+/// Out: false where use() gave false, and where it is malformed; then what follows is not looked at.
+template <class Use>
+[[nodiscard]] bool for_each_word(Cursor::Bytes message, const Use& use) {
+  for (std::size_t at = rtps_ids::kHeaderBytes; at + 4 <= message.size();) {
+    const std::uint8_t id = message[at], flags = message[at + 1];
+    const bool little_endian = (flags & 1) != 0;
+    const std::size_t length = Cursor(message.subspan(at + 2, 2), little_endian).u16();
+    if (length > message.size() - at - 4) return false;
+    const bool is_word = id != rtps_ids::kInfoTimestamp && id != rtps_ids::kInfoDestination &&
+                         id != rtps_ids::kStatistics;
+    if (is_word && !use(id, flags, Cursor(message.subspan(at + 4, length), little_endian)))
+      return false;
+    at += 4 + length;
+  }
+  return true;
+}
 
 }  // namespace nearmesh::wire

@@ -74,17 +74,7 @@ class MemoryBus {
       if (told == directories_.end()) continue;
       begin_to_move(poses.peer, told->second);
       ++common_poses;
-      sample.push_back({.peer = poses.peer,
-                        .body = told->second.name,
-                        .frame = poses.frame,
-                        .time_s = body.time_s,
-                        .pose = body.motion.pose,
-                        .linear_velocity_mps = body.motion.linear_velocity_mps,
-                        .angular_velocity_radps = body.motion.angular_velocity_radps,
-                        .number = body.number,
-                        .sequence = poses.sequence,
-                        .links = told->second.links,
-                        .first_link = told->second.first_link});
+      sample.push_back(pose_of(poses, body, told->second));
     }
     for (auto& [id, box] : peers_)
       if (id != poses.peer) post(box.poses, sample, on_poses);
@@ -99,18 +89,9 @@ class MemoryBus {
         const auto told = directories_.find({poses.peer, body.number});
         if (told == directories_.end() || !wish.wants(body.number)) continue;
         ++near_poses;
-        post(box->second.poses,
-             wire::BodyPose{.peer = poses.peer,
-                            .body = told->second.name,
-                            .frame = poses.frame,
-                            .time_s = body.time_s,
-                            .pose = body.motion.pose,
-                            .linear_velocity_mps = body.motion.linear_velocity_mps,
-                            .angular_velocity_radps = body.motion.angular_velocity_radps,
-                            .number = body.number,
-                            .sequence = poses.sequence,
-                            .is_near = true},
-             on_poses);
+        wire::BodyPose near = pose_of(poses, body, told->second);
+        near.is_near = true;
+        post(box->second.poses, near, on_poses);
       }
     }
   }
@@ -250,6 +231,20 @@ class MemoryBus {
   void to_publishers(wire::RegionSubscription message) {
     message.region.max_splits = std::min(message.region.max_splits, most_splits);
     for (auto& [id, station] : publishers_) post(station.subscriptions, message, on_subscriptions);
+  }
+  static wire::BodyPose pose_of(const wire::BodyPoses& poses, const wire::BodyPoses::Body& body,
+                                const wire::BodyDirectory::Body& told) {
+    return {.peer = poses.peer,
+            .body = told.name,
+            .frame = poses.frame,
+            .time_s = body.time_s,
+            .pose = body.motion.pose,
+            .linear_velocity_mps = body.motion.linear_velocity_mps,
+            .angular_velocity_radps = body.motion.angular_velocity_radps,
+            .number = body.number,
+            .sequence = poses.sequence,
+            .links = told.links,
+            .first_link = told.first_link};
   }
   void to_peers(const wire::BodyPose& pose) {
     for (auto& [id, box] : peers_)
