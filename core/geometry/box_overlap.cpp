@@ -316,6 +316,10 @@ bool box_triangle_apart(const RelativeFrame& f, const CenteredBox& a, const Doub
   return false;
 }
 
+std::array<double, 3> shortest_way(const DoubleTriangle& a, const DoubleTriangle& b) {
+  return shortest_between(a, b).vector;
+}
+
 double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a, const DoubleTriangle& b) {
   const Shortest best = shortest_between(a, b);
   if (!(best.squared > 0)) return 0;

@@ -15,6 +15,7 @@
 #include <cmath>
 
 #include "nearmesh/core/geometry/detail/lanes.hpp"
+#include "slack.hpp"
 #include "vectors.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -147,6 +148,49 @@ void find_box_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::
   }
 }
 
+/// What the other's part reaches towards one's own along the way, about its centre.
+HWY_INLINE double reach_back(const RelativeFrame& f, const ApartWay& way, const PlacedLanes& other,
+                             std::uint32_t i) {
+  double by_box = 0;
+  for (std::size_t j = 0; j < 3; ++j) by_box += way.on_other[j] * other.half[j][i];
+  if (!(other.per_square[i] > 0)) return by_box;
+  const double e[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
+  const std::array<double, 3>& w = way.way;
+  const double a = (w[0] * e[0] + w[1] * e[1] + w[2] * e[2]) * other.per_square[i];
+  const double rest[3] = {w[0] - a * e[0], w[1] - a * e[1], w[2] - a * e[2]};
+  double by_slab = -std::min(a * other.from[i], a * other.to[i]);
+  for (std::size_t j = 0; j < 3; ++j)
+    by_slab += std::abs(rest[0] * f.rotation[j] + rest[1] * f.rotation[3 + j] +
+                        rest[2] * f.rotation[6 + j]) *
+               other.half[j][i];
+  return std::min(by_box, by_slab);
+}
+
+void find_gaps_along_lanes(const RelativeFrame& f, const ApartWay& way, const PlacedLanes& other,
+                           std::uint32_t i, const BoxLanes& own, double* gaps_m) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const Vec w[3] = {at(way.way[0]), at(way.way[1]), at(way.way[2])};
+  const Vec back = at(reach_back(f, way, other, i) + way.room);
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec between[3], half[3], n[3], rest[3], box_rest[3];
+    load_boxes_from(other, i, own, lane, between, half);
+    for (std::size_t k = 0; k < 3; ++k) n[k] = load(own.normal[k] + lane);
+    // As in slab_gaps: the way is a n + rest, and a lane without a slab has n = 0, from = to = 0, so that its box says the same.
+    const Vec a = hn::Mul(dot(w, n), at(1.0 / (kSlabLength * kSlabLength)));
+    for (std::size_t k = 0; k < 3; ++k) {
+      rest[k] = hn::Abs(hn::Sub(w[k], hn::Mul(a, n[k])));
+      box_rest[k] = hn::Abs(w[k]);
+    }
+    const Vec by_slab =
+        hn::Add(hn::Max(hn::Mul(a, load(own.from + lane)), hn::Mul(a, load(own.to + lane))),
+                dot(rest, half));
+    const Vec reach = hn::Min(dot(box_rest, half), by_slab);
+    const Vec apart = hn::Neg(dot(w, between));  // from one's own centre to the other's
+    hn::StoreU(hn::Mul(hn::Sub(hn::Sub(apart, reach), back), at(way.metres)), d, gaps_m + lane);
+  }
+}
+
 }  // namespace nearmesh::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -155,6 +199,7 @@ namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
 HWY_EXPORT(find_box_gaps_lanes);
+HWY_EXPORT(find_gaps_along_lanes);
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
@@ -163,6 +208,25 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
                    std::uint32_t other_lane, const BoxLanes& own, BoxGaps& gaps) {
   HWY_DYNAMIC_DISPATCH(find_box_gaps_lanes)(other_in_own, other, other_lane, own, gaps);
+}
+
+ApartWay::ApartWay(const RelativeFrame& f, const std::array<double, 3>& from_own_to_other)
+    : way(from_own_to_other) {
+  double square = 0, length = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    on_other[k] =
+        std::abs(way[0] * f.rotation[k] + way[1] * f.rotation[3 + k] + way[2] * f.rotation[6 + k]);
+    square += way[k] * way[k];
+    length += std::abs(way[k]);
+  }
+  room = 2 * f.slack * length;
+  metres = f.least_metres_per_unit * kGapShrink / std::sqrt(square);
+}
+
+void find_gaps_along(const RelativeFrame& other_in_own, const ApartWay& way,
+                     const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                     double (&gaps_m)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(find_gaps_along_lanes)(other_in_own, way, other, other_lane, own, gaps_m);
 }
 
 }  // namespace nearmesh

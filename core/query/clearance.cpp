@@ -102,6 +102,10 @@ class GapQueue {
 /// enough, so that few pairs need be queued. A pair whose gap is more than the share that is sought of the least distance found
 /// changes nothing, and is left out.
 ///
+/// Boxes that look past each other hide a part of their gap. So the way between the nearest faces known serves as an axis, too: faces are
+/// held along it before they are held against each other. Of parts an exact search asks it as well; a bound does not, since who keeps it relies on
+/// gaps that the walk finds again (still_free).
+///
 /// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the walk's floats may lose of that. Every pair of
 /// faces lies below some pair that was counted, queued or left out, so the least that these say is a bound as well.
 class NearestSearch {
@@ -109,8 +113,9 @@ class NearestSearch {
   NearestSearch(const Scene& scene, Clearance sought, QueryStats& stats)
       : s_(scene),
         stats_(stats),
-        share_(sought == Clearance::kExact ? 1 : kClearanceShare),
-        max_steps_(sought == Clearance::kExact ? 65'536 : 256),
+        is_exact_(sought == Clearance::kExact),
+        share_(is_exact_ ? 1 : kClearanceShare),
+        max_steps_(is_exact_ ? 65'536 : 256),
         is_a_larger_(is_first_larger(reach_m(*scene.a.grid, scene.a.root().box),
                                      reach_m(*scene.b.grid, scene.b.root().box))),
         placed_a_(scene.a, scene.a_in_b()),
@@ -143,14 +148,15 @@ class NearestSearch {
   [[nodiscard]] bool is_of_use(double gap) const { return gap < share_ * found_; }
 
   void visit(const Gap& top) {
+    if (is_exact_) follow_nearest();
     const Part a(s_.a, top.a), b(s_.b, top.b);
     if (opens_a(s_, a, b)) {
       offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b.lane, s_.a.nodes[a.first()], s_.cell_a_m,
-            b.size() * s_.cell_b_m, is_a_larger_,
+            b.size() * s_.cell_b_m, is_a_larger_, way_to_b_,
             [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
     } else if (b.kind() == Kind::kInner) {
       offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a.lane, s_.b.nodes[b.first()], s_.cell_b_m,
-            a.size() * s_.cell_a_m, !is_a_larger_,
+            a.size() * s_.cell_a_m, !is_a_larger_, way_to_a_,
             [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
     } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
       hold_faces(a, b);
@@ -166,9 +172,12 @@ class NearestSearch {
   template <class PairOf>
   void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& other,
              std::uint32_t other_lane, const TreeNode& own, double own_cell_m, double other_size_m,
-             bool is_own_larger, const PairOf& pair_of) {
+             bool is_own_larger, const std::optional<ApartWay>& way, const PairOf& pair_of) {
     BoxGaps gaps;
     find_box_gaps(other_in_own, other, other_lane, own.boxes, gaps);
+    double along_way_m[kLanes] = {};
+    if (is_exact_ && way)
+      find_gaps_along(other_in_own, *way, other, other_lane, own.boxes, along_way_m);
     const auto& by_larger_m = is_own_larger ? gaps.on_own_m : gaps.on_other_m;
     stats_.box_tests += kLanes;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
@@ -176,8 +185,9 @@ class NearestSearch {
       const auto [place_a, place_b] = pair_of(lane);
       const double lost_m = kLostOfSize * (own.size[lane] * own_cell_m + other_size_m);
       // What holds above holds below.
-      Gap offered{std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane]}),
-                  std::max(top.by_larger, by_larger_m[lane] - lost_m), place_a, place_b};
+      Gap offered{
+          std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane], along_way_m[lane]}),
+          std::max(top.by_larger, by_larger_m[lane] - lost_m), place_a, place_b};
       if (is_diving_ && (!nearest_below_ || offered.gap < nearest_below_->gap)) {
         if (!nearest_below_) {
           nearest_below_ = offered;
@@ -198,13 +208,23 @@ class NearestSearch {
     by_larger_ = std::min(by_larger_, by_larger);
   }
 
-  // The least gap of two blocks' faces, where it is of use. Most pairs are settled by their extents. Faces are apart whichever axis shows it.
+  // The least gap of two blocks' faces, where it is of use. Most pairs are settled along the way, or by their extents. Faces are apart whichever axis
+  // shows it.
   void hold_faces(const Part& a, const Part& b) {
+    follow_nearest();
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
     PlacedTriangles placed_b;
     place_triangles(s_.b_in_a, block_b.triangles, placed_b);
+    const double start = way_to_b_ ? start_along(*way_to_b_, placed_b, b.count()) : 0;
     for (std::uint32_t i = 0; i < a.count(); ++i) {
       const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
+      if (way_to_b_) {
+        const double gap_m = gap_along(*way_to_b_, triangle_a, start);
+        if (!is_of_use(gap_m)) {
+          leave_out(gap_m, gap_m);
+          continue;
+        }
+      }
       double gaps_m[kLanes];
       extents_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
       double least_m = kFar;
@@ -220,6 +240,39 @@ class NearestSearch {
         offer_nearest(gaps_m[j], block_a.triangles.corners(i), block_b.triangles.corners(j));
       }
     }
+  }
+
+  /// Where the first of some triangles begin along a way.
+  static double start_along(const ApartWay& way, const PlacedTriangles& triangles,
+                            std::uint32_t count) {
+    double start = kFar;
+    for (const auto& corner : triangles.corner)
+      for (std::uint32_t lane = 0; lane < count; ++lane)
+        start = std::min(start, way.way[0] * corner[0][lane] + way.way[1] * corner[1][lane] +
+                                    way.way[2] * corner[2][lane]);
+    return start;
+  }
+  static double gap_along(const ApartWay& way, const DoubleTriangle& own, double start) {
+    double end = -kFar;
+    for (const auto& corner : own)
+      end = std::max(end, way.way[0] * corner[0] + way.way[1] * corner[1] + way.way[2] * corner[2]);
+    return (start - end - way.room) * way.metres;
+  }
+
+  /// Takes the way between the nearest that are known, if they are new.
+  void follow_nearest() {
+    if (!is_nearest_new_) return;
+    is_nearest_new_ = false;
+    const std::array<double, 3> way =
+        shortest_way(as_doubles(nearest_a_), to_a_units(s_.b_in_a, nearest_b_));
+    if (way == std::array<double, 3>{}) return;
+    way_to_b_.emplace(s_.b_in_a, way);
+    // Against it, and along b's axes: of which length does not count.
+    const std::array<double, 9>& r = s_.b_in_a.rotation;
+    std::array<double, 3> back;
+    for (std::size_t k = 0; k < 3; ++k)
+      back[k] = -(way[0] * r[k] + way[1] * r[3 + k] + way[2] * r[6 + k]);
+    way_to_a_.emplace(s_.a_in_b(), back);
   }
 
   using Corners = std::array<GridPoint, 3>;
@@ -250,6 +303,7 @@ class NearestSearch {
       nearest_m_ = apart_m;
       nearest_a_ = a;
       nearest_b_ = b;
+      is_nearest_new_ = true;
     }
   }
 
@@ -269,6 +323,7 @@ class NearestSearch {
 
   const Scene& s_;
   QueryStats& stats_;
+  const bool is_exact_;
   const double share_;  // of the least distance found: a bound of so much is enough
   const int max_steps_;
   const bool is_a_larger_;
@@ -281,6 +336,8 @@ class NearestSearch {
   // The nearest that are known to be there, by what was found of them on the way.
   double nearest_m_ = kFar;
   Corners nearest_a_, nearest_b_;
+  bool is_nearest_new_ = false;
+  std::optional<ApartWay> way_to_b_, way_to_a_;  // between these, in a's units and in b's
 };
 
 }  // namespace

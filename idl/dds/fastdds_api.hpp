@@ -428,8 +428,7 @@ template <class Support>
 /// write. Other transports send what was written alone.
 inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 0;
 
-/// What a participant sends through one transport, less what is left out. Of Fast DDS 2.9 alone: 3 hands messages over in pieces, and
-/// its crowds have not been looked at.
+/// What a participant sends through one transport, less what is left out.
 class OutgoingFilter {
  public:
   using Places = std::vector<rtps::Locator_t>;
@@ -443,9 +442,6 @@ class OutgoingFilter {
   /// given, so it has one of its own, behind a sender of ours.
   bool open(rtps::TransportInterface& transport, rtps::SendResourceList& senders,
             const rtps::Locator_t& locator) {
-#if NEARMESH_FASTDDS == 3
-    return transport.OpenOutputChannel(senders, locator);
-#else
     if (!transport.IsLocatorSupported(locator)) return false;
     if (sender_ == nullptr) {
       auto made = std::make_unique<Sender>(transport.kind(), *this);
@@ -453,27 +449,42 @@ class OutgoingFilter {
       senders.push_back(std::move(made));
     }
     return transport.OpenOutputChannel(sender_->below, locator);
-#endif
   }
 
  private:
-  const LeaveOut leave_out_;
+  using Message = std::span<const std::uint8_t>;
+  using Deadline = std::chrono::steady_clock::time_point;
 
-#if NEARMESH_FASTDDS == 2
   struct Sender final : rtps::SenderResource {
     Sender(std::int32_t kind, OutgoingFilter& owner) : SenderResource(kind), filter(owner) {
-      send_lambda_ = [this](const rtps::octet* data, std::uint32_t size, LocatorsIterator* begin,
-                            LocatorsIterator* end,
-                            const std::chrono::steady_clock::time_point& timeout) {
-        return send_to({data, size}, *begin, *end, timeout);
+#if NEARMESH_FASTDDS == 3
+      send_buffers_lambda_ = [this](const std::vector<rtps::NetworkBuffer>& pieces, std::uint32_t,
+                                    LocatorsIterator* begin, LocatorsIterator* end,
+                                    const Deadline& deadline) {
+        try {
+          joined.clear();
+          for (const rtps::NetworkBuffer& piece : pieces) {
+            const auto* bytes = static_cast<const std::uint8_t*>(piece.buffer);
+            joined.insert(joined.end(), bytes, bytes + piece.size);
+          }
+        } catch (const std::bad_alloc&) {
+          return true;  // all lose it, as they may lose any datagram
+        }
+        return send_to(joined, *begin, *end, deadline);
       };
+#else
+      send_lambda_ = [this](const rtps::octet* data, std::uint32_t size, LocatorsIterator* begin,
+                            LocatorsIterator* end, const Deadline& deadline) {
+        return send_to({data, size}, *begin, *end, deadline);
+      };
+#endif
     }
     ~Sender() override { filter.sender_ = nullptr; }
     void add_locators_to_list(rtps::LocatorList_t& locators) const override {
       for (const auto& one : below) one->add_locators_to_list(locators);
     }
-    bool send_to(std::span<const std::uint8_t> message, LocatorsIterator& begin,
-                 LocatorsIterator& end, const std::chrono::steady_clock::time_point& timeout) {
+    bool send_to(Message message, LocatorsIterator& begin, LocatorsIterator& end,
+                 const Deadline& deadline) {
       places.clear();
       try {
         for (; !(begin == end); ++begin) places.push_back(*begin);
@@ -485,18 +496,34 @@ class OutgoingFilter {
       bool sent = true;
       for (const auto& one : below) {
         eprosima::fastdds::rtps::Locators first(places.cbegin()), last(places.cend());
-        sent &= one->send(message.data(), static_cast<std::uint32_t>(message.size()), &first, &last,
-                          timeout);
+        sent &= send_by(*one, message, first, last, deadline);
       }
       return sent;
     }
+#if NEARMESH_FASTDDS == 3
+    bool send_by(SenderResource& one, Message message, LocatorsIterator& begin,
+                 LocatorsIterator& end, const Deadline& deadline) {
+      const auto size = static_cast<std::uint32_t>(message.size());
+      whole[0] = {message.data(), size};
+      return one.send(whole, size, &begin, &end, deadline);
+    }
+    std::vector<std::uint8_t> joined;           ///< the message that is sent
+    std::vector<rtps::NetworkBuffer> whole{1};  ///< the same, less what is left out
+#else
+    static bool send_by(SenderResource& one, Message message, LocatorsIterator& begin,
+                        LocatorsIterator& end, const Deadline& deadline) {
+      return one.send(message.data(), static_cast<std::uint32_t>(message.size()), &begin, &end,
+                      deadline);
+    }
+#endif
 
     OutgoingFilter& filter;
     rtps::SendResourceList below;
     Places places;  ///< of the message that is sent
   };
+
+  const LeaveOut leave_out_;
   Sender* sender_ = nullptr;  ///< the participant's, which ends it
-#endif
 };
 
 /// What is between Fast DDS and a transport, and sees what comes in: receive(). What goes out passes.
@@ -509,10 +536,14 @@ class ChainedTransport : public rtps::ChainingTransport {
             const std::chrono::steady_clock::time_point& timeout) final {
     return low->send(buffers, bytes, begin, end, timeout);
   }
-  // ChainingTransport leaves these to their defaults, by which no connection of TCP is ever opened.
+  // ChainingTransport leaves these to their defaults, by which no connection of TCP is ever opened. By UDP each place of them is one of
+  // OpenOutputChannel(), which may have a filter.
   bool OpenOutputChannels(rtps::SendResourceList& senders,
                           const rtps::LocatorSelectorEntry& to) final {
-    return low_level_transport_->OpenOutputChannels(senders, to);
+    return low_level_transport_->kind() == LOCATOR_KIND_UDPv4 ||
+                   low_level_transport_->kind() == LOCATOR_KIND_UDPv6
+               ? ChainingTransport::OpenOutputChannels(senders, to)
+               : low_level_transport_->OpenOutputChannels(senders, to);
   }
   void CloseOutputChannels(rtps::SendResourceList& senders,
                            const rtps::LocatorSelectorEntry& to) final {

@@ -369,9 +369,6 @@ TEST(Door, IsOnEachTransport) {
 }
 
 TEST(Door, WhatGoesOutByUdpHasNoStatistics) {
-#if NEARMESH_FASTDDS == 3
-  GTEST_SKIP() << "Fast DDS 3 hands messages over in pieces";
-#endif
   const Ear ear(kOutgoing);
   Watcher with(kOutgoing, qos_of("door")), without(kOutgoing, qos_of("no-door"));
   // Messages of each without statistics and with them.

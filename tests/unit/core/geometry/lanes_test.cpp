@@ -11,6 +11,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/random.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "core/geometry/vec3.hpp"
 #include "instruction_sets.hpp"
 #include "rounds.hpp"
 #include "test_models.hpp"
@@ -222,7 +223,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     Random random(33);
     std::uint64_t digest = 0;
     int boxes_parted = 0, boxes_alone = 0, triangles_parted = 0, apart_total = 0, touching = 0;
-    int pairs_parted = 0, faces_parted = 0, gaps_alone = 0;
+    int pairs_parted = 0, faces_parted = 0, gaps_alone = 0, way_alone = 0, way_by_slabs = 0;
     for (int i = 0; i < test::rounds(400); ++i) {
       Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const Lanes a = random_lanes(random), b = random_lanes(random);
@@ -234,11 +235,19 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
                             g = make_relative_frame(frames.b, frames.a);
         const Placing placing_a(g, f, bounds_of(a.boxes)), placing_b(f, g, bounds_of(b.boxes));
         const PlacedBody placed_a = place(placing_a, a), placed_b = place(placing_b, b);
-        PlacedLanes placed;
+        PlacedLanes placed, placed_bare;
         place_lanes(f, b.boxes, placed);
+        place_lanes(f, without_slabs(b.boxes), placed_bare);
         PlacedTriangles placed_triangles;
         place_triangles(f, b.triangles, placed_triangles);
         for (std::uint32_t j = 0; j < kLanes; ++j) {
+          // Any way serves; that from corner to corner shows most.
+          const DoubleTriangle own = as_doubles(a.patches[j][0]),
+                               other = to_a_units(f, b.patches[j][0]);
+          const ApartWay way(
+              f, random.below(4) == 0
+                     ? std::array<double, 3>{random.between(-1, 1), random.between(-1, 1), 1}
+                     : minus(other[0], own[0]));
           const std::uint32_t boxes = boxes_apart(placing_a, placed_a.boxes, placed_b.boxes, j);
           const std::uint32_t bare = boxes_apart(placing_a, placed_a.bare, placed_b.bare, j);
           const std::uint32_t triangles = faces_apart(placing_a, placed_a.faces, placed_b.boxes, j);
@@ -247,7 +256,9 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           const PairVerdicts pairs = test_triangles(f, repeat(a.patches[j][0]), b.triangles);
           digest = mix(digest ^ (boxes | bare << 8 | triangles << 16 | pairs.apart << 24));
           digest = mix(digest ^ (pairs.touching | faces << 8));
-          double gaps_m[kLanes], extents_m[kLanes];
+          double gaps_m[kLanes], extents_m[kLanes], way_m[kLanes], bare_way_m[kLanes];
+          find_gaps_along(f, way, placed, j, a.boxes, way_m);
+          find_gaps_along(f, way, placed_bare, j, without_slabs(a.boxes), bare_way_m);
           BoxGaps gaps;
           find_box_gaps(f, placed, j, a.boxes, gaps);
           for (std::uint32_t lane = 0; lane < kLanes; ++lane)
@@ -256,8 +267,13 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
             digest = mix(digest ^ std::bit_cast<std::uint64_t>(gaps_m[lane]));
             digest = mix(digest ^ std::bit_cast<std::uint64_t>(extents_m[lane]));
+            digest = mix(digest ^ std::bit_cast<std::uint64_t>(way_m[lane]));
             gaps_alone += gaps_m[lane] > 0 && (boxes >> lane & 1U) == 0 ? 1 : 0;
             ASSERT_LE(gaps_m[lane], corner_distance_m(frames, a.patches[lane], b.patches[j]));
+            ASSERT_LE(way_m[lane], corner_distance_m(frames, a.patches[lane], b.patches[j]));
+            ASSERT_LE(bare_way_m[lane], way_m[lane]);  // slabs add
+            way_by_slabs += bare_way_m[lane] < way_m[lane] ? 1 : 0;
+            way_alone += lane == j && way_m[lane] > gaps_m[lane] ? 1 : 0;
             ASSERT_LE(extents_m[lane], corner_distance_m(frames, {a.patches[j].data(), 1},
                                                          {b.patches[lane].data(), 1}));
           }
@@ -267,6 +283,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
               ++touching;
               ASSERT_EQ(boxes >> lane & 1U, 0U);
               ASSERT_EQ(gaps_m[lane], 0);
+              ASSERT_LE(way_m[lane], 0);
             } else {
               ++apart_total;
               boxes_parted += static_cast<int>(boxes >> lane & 1U);
@@ -300,6 +317,8 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     EXPECT_GT(triangles_parted, apart_total / 2);
     EXPECT_GT(pairs_parted, apart_total / 2);
     EXPECT_GT(faces_parted, apart_total * 9 / 10);
+    EXPECT_GT(way_alone, apart_total / kLanes / 10);
+    EXPECT_GT(way_by_slabs, apart_total / 10);
     EXPECT_LT(gaps_alone, apart_total / 100);  // what doubles part, floats do, nearly
     if (first_digest == 0) first_digest = digest;
     EXPECT_EQ(digest, first_digest);

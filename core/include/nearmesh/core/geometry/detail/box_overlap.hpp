@@ -87,6 +87,9 @@ using DoubleTriangle = std::array<std::array<double, 3>, 3>;
 [[nodiscard]] double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a,
                                      const DoubleTriangle& b);
 
+/// The way from A's triangle to B's where they are nearest, both in A's grid units; nearly, and 0 where they meet.
+[[nodiscard]] std::array<double, 3> shortest_way(const DoubleTriangle& a, const DoubleTriangle& b);
+
 /// How B may move against A: as a whole by s * along, s in [-1, 1], and every point besides by at
 /// most `around`, any way. A's grid units.
 struct Drift {

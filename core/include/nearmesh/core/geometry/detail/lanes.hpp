@@ -127,6 +127,22 @@ struct BoxGaps {
 void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
                    std::uint32_t other_lane, const BoxLanes& own, BoxGaps& gaps);
 
+/// A way from one's own model to the other, along which their parts are held apart: that between the nearest that are known, say.
+struct ApartWay {
+  std::array<double, 3> way;       ///< own units; any serves
+  std::array<double, 3> on_other;  ///< |way| along the other's axes, per unit of its own
+  double room;                     ///< what is rounded, times the way's length
+  double metres;                   ///< that a length along the way stands for, at least
+
+  /// Precondition: the way is not 0.
+  ApartWay(const RelativeFrame& other_in_own, const std::array<double, 3>& from_own_to_other);
+};
+/// Lower bounds, metres, of the distance between one lane of the other model's and each of one's own, by what their boxes and slabs
+/// reach along the way; not positive where they overlap there. Unused lanes: any.
+void find_gaps_along(const RelativeFrame& other_in_own, const ApartWay& way,
+                     const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                     double (&gaps_m)[kLanes]);
+
 /// The other's triangles in own units, as to_a_units places them.
 struct PlacedTriangles {
   double corner[3][3][kLanes];
