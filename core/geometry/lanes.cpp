@@ -191,6 +191,21 @@ void find_gaps_along_lanes(const RelativeFrame& f, const ApartWay& way, const Pl
   }
 }
 
+void find_reaches_lanes(const TriangleLanes& own, const std::array<double, 3>& direction,
+                        double* reaches) {
+  const Doubles d;
+  const Vec w[3] = {hn::Set(d, direction[0]), hn::Set(d, direction[1]), hn::Set(d, direction[2])};
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec reach[3];
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Vec p[3] = {load(own.corner[c][0] + lane), load(own.corner[c][1] + lane),
+                        load(own.corner[c][2] + lane)};
+      reach[c] = dot(w, p);
+    }
+    hn::StoreU(hn::Max(hn::Max(reach[0], reach[1]), reach[2]), d, reaches + lane);
+  }
+}
+
 }  // namespace nearmesh::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -200,6 +215,7 @@ namespace nearmesh {
 HWY_EXPORT(place_lanes_all);
 HWY_EXPORT(find_box_gaps_lanes);
 HWY_EXPORT(find_gaps_along_lanes);
+HWY_EXPORT(find_reaches_lanes);
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
@@ -219,6 +235,7 @@ ApartWay::ApartWay(const RelativeFrame& f, const std::array<double, 3>& from_own
     square += way[k] * way[k];
     length += std::abs(way[k]);
   }
+  origins = way[0] * f.translation[0] + way[1] * f.translation[1] + way[2] * f.translation[2];
   room = 2 * f.slack * length;
   metres = f.least_metres_per_unit * kGapShrink / std::sqrt(square);
 }
@@ -227,6 +244,11 @@ void find_gaps_along(const RelativeFrame& other_in_own, const ApartWay& way,
                      const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
                      double (&gaps_m)[kLanes]) {
   HWY_DYNAMIC_DISPATCH(find_gaps_along_lanes)(other_in_own, way, other, other_lane, own, gaps_m);
+}
+
+void find_reaches(const TriangleLanes& own, const std::array<double, 3>& direction,
+                  double (&reaches)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(find_reaches_lanes)(own, direction, reaches);
 }
 
 }  // namespace nearmesh

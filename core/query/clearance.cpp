@@ -213,27 +213,25 @@ class NearestSearch {
   void hold_faces(const Part& a, const Part& b) {
     follow_nearest();
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
-    PlacedTriangles placed_b;
-    place_triangles(s_.b_in_a, block_b.triangles, placed_b);
-    const double start = way_to_b_ ? start_along(*way_to_b_, placed_b, b.count()) : 0;
+    double along_way_m[kLanes] = {};  // from each of a's faces to all of b's
+    if (way_to_b_) find_gaps_along_way(block_a, block_b, b.count(), along_way_m);
+    std::optional<PlacedTriangles> placed_b;
     for (std::uint32_t i = 0; i < a.count(); ++i) {
-      const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
-      if (way_to_b_) {
-        const double gap_m = gap_along(*way_to_b_, triangle_a, start);
-        if (!is_of_use(gap_m)) {
-          leave_out(gap_m, gap_m);
-          continue;
-        }
+      if (!is_of_use(along_way_m[i])) {
+        leave_out(along_way_m[i], along_way_m[i]);
+        continue;
       }
+      if (!placed_b) place_triangles(s_.b_in_a, block_b.triangles, placed_b.emplace());
+      const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
       double gaps_m[kLanes];
-      extents_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
+      extents_gaps_m(s_.b_in_a, triangle_a, *placed_b, gaps_m);
       double least_m = kFar;
       for (std::uint32_t j = 0; j < b.count(); ++j) least_m = std::min(least_m, gaps_m[j]);
       if (!is_of_use(least_m)) {
         leave_out(least_m, least_m);
         continue;
       }
-      triangles_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
+      triangles_gaps_m(s_.b_in_a, triangle_a, *placed_b, gaps_m);
       for (std::uint32_t j = 0; j < b.count(); ++j) {
         found_ = std::min(found_, gaps_m[j]);
         by_larger_ = std::min(by_larger_, gaps_m[j]);
@@ -242,21 +240,14 @@ class NearestSearch {
     }
   }
 
-  /// Where the first of some triangles begin along a way.
-  static double start_along(const ApartWay& way, const PlacedTriangles& triangles,
-                            std::uint32_t count) {
-    double start = kFar;
-    for (const auto& corner : triangles.corner)
-      for (std::uint32_t lane = 0; lane < count; ++lane)
-        start = std::min(start, way.way[0] * corner[0][lane] + way.way[1] * corner[1][lane] +
-                                    way.way[2] * corner[2][lane]);
-    return start;
-  }
-  static double gap_along(const ApartWay& way, const DoubleTriangle& own, double start) {
-    double end = -kFar;
-    for (const auto& corner : own)
-      end = std::max(end, way.way[0] * corner[0] + way.way[1] * corner[1] + way.way[2] * corner[2]);
-    return (start - end - way.room) * way.metres;
+  void find_gaps_along_way(const FaceBlock& block_a, const FaceBlock& block_b,
+                           std::uint32_t count_b, double (&gaps_m)[kLanes]) const {
+    double reach_a[kLanes], reach_b[kLanes];
+    find_reaches(block_a.triangles, way_to_b_->way, reach_a);
+    find_reaches(block_b.triangles, way_to_a_->way, reach_b);
+    const double apart =
+        way_to_b_->origins - way_to_b_->room - *std::max_element(reach_b, reach_b + count_b);
+    for (std::uint32_t i = 0; i < kLanes; ++i) gaps_m[i] = (apart - reach_a[i]) * way_to_b_->metres;
   }
 
   /// Takes the way between the nearest that are known, if they are new.

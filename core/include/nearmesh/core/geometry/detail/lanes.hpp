@@ -131,7 +131,8 @@ void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
 struct ApartWay {
   std::array<double, 3> way;       ///< own units; any serves
   std::array<double, 3> on_other;  ///< |way| along the other's axes, per unit of its own
-  double room;                     ///< what is rounded, times the way's length
+  double origins;                  ///< from one's own origin to the other's, times the way's length
+  double room;                     ///< what is rounded, likewise
   double metres;                   ///< that a length along the way stands for, at least
 
   /// Precondition: the way is not 0.
@@ -142,6 +143,12 @@ struct ApartWay {
 void find_gaps_along(const RelativeFrame& other_in_own, const ApartWay& way,
                      const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
                      double (&gaps_m)[kLanes]);
+
+/// How far each of some triangles reaches along a direction: own units, times its length. Between triangles of two models there are
+/// way.origins - way.room, less the one's reach along the way, less the other's along the way back in its units, times way.metres.
+/// Unused lanes: any.
+void find_reaches(const TriangleLanes& own, const std::array<double, 3>& direction,
+                  double (&reaches)[kLanes]);
 
 /// The other's triangles in own units, as to_a_units places them.
 struct PlacedTriangles {
