@@ -223,7 +223,8 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     Random random(33);
     std::uint64_t digest = 0;
     int boxes_parted = 0, boxes_alone = 0, triangles_parted = 0, apart_total = 0, touching = 0;
-    int pairs_parted = 0, faces_parted = 0, gaps_alone = 0, way_alone = 0, way_by_slabs = 0;
+    int pairs_parted = 0, faces_parted = 0, gaps_alone = 0, way_alone = 0, way_by_slabs = 0,
+        near_corners = 0;
     for (int i = 0; i < test::rounds(400); ++i) {
       Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const Lanes a = random_lanes(random), b = random_lanes(random);
@@ -259,6 +260,14 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           double gaps_m[kLanes], extents_m[kLanes], way_m[kLanes], bare_way_m[kLanes];
           find_gaps_along(f, way, placed, j, a.boxes, way_m);
           find_gaps_along(f, way, placed_bare, j, without_slabs(a.boxes), bare_way_m);
+          // Of the first triangle of a's patch j and of each of b's: by what they reach along the way.
+          const std::array<double, 9>& r = f.rotation;
+          std::array<double, 3> back;
+          for (std::size_t k = 0; k < 3; ++k)
+            back[k] = -(way.way[0] * r[k] + way.way[1] * r[3 + k] + way.way[2] * r[6 + k]);
+          double reaches[kLanes], reaches_back[kLanes];
+          find_reaches(a.triangles, way.way, reaches);
+          find_reaches(b.triangles, back, reaches_back);
           BoxGaps gaps;
           find_box_gaps(f, placed, j, a.boxes, gaps);
           for (std::uint32_t lane = 0; lane < kLanes; ++lane)
@@ -270,6 +279,13 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
             digest = mix(digest ^ std::bit_cast<std::uint64_t>(way_m[lane]));
             gaps_alone += gaps_m[lane] > 0 && (boxes >> lane & 1U) == 0 ? 1 : 0;
             ASSERT_LE(gaps_m[lane], corner_distance_m(frames, a.patches[lane], b.patches[j]));
+            digest = mix(digest ^ std::bit_cast<std::uint64_t>(reaches[lane] - reaches_back[lane]));
+            const double apart_m =
+                (way.origins - way.room - reaches[j] - reaches_back[lane]) * way.metres;
+            const double corners_m =
+                corner_distance_m(frames, {a.patches[j].data(), 1}, {b.patches[lane].data(), 1});
+            ASSERT_LE(apart_m, corners_m);
+            near_corners += apart_m > corners_m / 2 ? 1 : 0;
             ASSERT_LE(way_m[lane], corner_distance_m(frames, a.patches[lane], b.patches[j]));
             ASSERT_LE(bare_way_m[lane], way_m[lane]);  // slabs add
             way_by_slabs += bare_way_m[lane] < way_m[lane] ? 1 : 0;
@@ -318,6 +334,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     EXPECT_GT(pairs_parted, apart_total / 2);
     EXPECT_GT(faces_parted, apart_total * 9 / 10);
     EXPECT_GT(way_alone, apart_total / kLanes / 10);
+    EXPECT_GT(near_corners, apart_total / 10);
     EXPECT_GT(way_by_slabs, apart_total / 10);
     EXPECT_LT(gaps_alone, apart_total / 100);  // what doubles part, floats do, nearly
     if (first_digest == 0) first_digest = digest;
