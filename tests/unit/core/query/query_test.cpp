@@ -339,6 +339,9 @@ TEST_P(ClearanceOf, BothBoundsMeetOnFullMeshesThatAreSearchedToTheEnd) {
     ++free;
     const double rounding_m = 16 * std::ldexp(1.0, posed.a.lattice_exp);
     EXPECT_LE(exact.distance_at_most_m, exact.clearance_m * (1 + 1e-5) + rounding_m);
+    const double distance = true_distance_m(model_a, posed.a, model_b, posed.b);
+    EXPECT_LE(exact.clearance_m, distance * (1 + 1e-9));
+    EXPECT_GE(exact.distance_at_most_m, distance * (1 - 1e-9));
     const Answer bound = query(a.tree.view(), posed.a, b.tree.view(), posed.b);
     EXPECT_LE(bound.distance_at_most_m,
               bound.clearance_m / bound.clearance_share * (1 + 1e-5) + rounding_m);
