@@ -152,8 +152,10 @@ void ReaderListener::look_for_life_signs() {
     const std::optional<bool> is_silent = door_->is_silent(key_of(writer), silence_s_);
     if (!is_silent || *is_silent == was_silent) continue;
     was_silent = *is_silent;
-    matches_.push_back(
-        {writer, now_us(), was_silent, door_->is_barred(key_of(writer)), was_silent});
+    matches_.push_back({writer, now_us(),
+                        !was_silent                        ? Mover::kThere
+                        : door_->is_barred(key_of(writer)) ? Mover::kBarred
+                                                           : Mover::kSilent});
   }
 }
 
@@ -175,7 +177,11 @@ void ReaderListener::on_subscription_matched(fdds::DataReader*,
       silent_[writer] = false;
     }
     const bool is_barred = is_gone && door_ != nullptr && door_->is_barred(key_of(writer));
-    if (is_news) matches_.push_back({writer, now_us(), is_gone, is_barred});
+    if (is_news)
+      matches_.push_back({writer, now_us(),
+                          !is_gone    ? Mover::kThere
+                          : is_barred ? Mover::kBarred
+                                      : Mover::kLeft});
   }
   mailbox_.wake();
 }

@@ -70,9 +70,9 @@ class ReaderListener : public fdds::SubscriberListener {
   struct Match {
     Handle writer;
     Microseconds when;
-    bool gone;            ///< else: found
-    bool barred = false;  ///< gone, since its identity does not count any more
-    bool silent = false;  ///< gone, and may be found again
+    Mover now;  ///< kThere: found; else how it went, kSilent and may be found again
+
+    [[nodiscard]] bool is_gone() const { return now != Mover::kThere; }
   };
   [[nodiscard]] std::vector<Match> take_matches();
 

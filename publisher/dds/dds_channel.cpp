@@ -102,7 +102,7 @@ void DdsChannel::Impl::listen_for_rivals() {
 void DdsChannel::Impl::take_rivals(Inbox& inbox) {
   if (!rival_reader_.is_open()) return;
   for (const auto& event : rival_reader_.take_matches()) {
-    if (event.gone) {
+    if (event.is_gone()) {
       rival_memory_.lost(event.writer);
       if (const auto lost = rivals_.forget(event.writer, event.when))
         inbox.lost_rivals.push_back(*lost);

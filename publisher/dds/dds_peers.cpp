@@ -146,7 +146,7 @@ Result<DdsPeers::Peer> DdsPeers::make_peer(SessionId peer) {
 std::vector<SessionId> DdsPeers::take_lost() {
   std::vector<SessionId> lost = std::exchange(lost_, {});
   for (const auto& event : reader_.take_matches()) {
-    if (!event.gone) {
+    if (!event.is_gone()) {
       book_.welcome(event.writer);
       continue;
     }

@@ -102,7 +102,7 @@ bool DdsChannel::Impl::receive_poses() {
   (void)near_reader_.take_matches();
   (void)promise_reader_.take_matches();
   for (const wire::ReaderListener::Match& event : wanted_reader_.take_matches())
-    if (event.gone) wishers_.forget(event.writer);
+    if (event.is_gone()) wishers_.forget(event.writer);
   std::vector<DdsPoses::HeardPromises> promises;
   bool more_promised = promise_reader_.drain(
       kMaxTaken, [&](wire::BodyPromises&& promised, const Handle& writer, Microseconds) {
@@ -140,7 +140,7 @@ bool DdsChannel::Impl::receive_poses() {
   for (const auto& [mover, writer] : movers_.take_movers())
     routes_.find(mover, wire::Routes::participant_of(writer));
   for (const wire::ReaderListener::Match& event : tellers)
-    if (event.gone) routes_.lose(wire::Routes::participant_of(event.writer));
+    if (event.is_gone()) routes_.lose(wire::Routes::participant_of(event.writer));
   more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
                                               Microseconds) {
     if (wanted.mover != own_id_ || wanted.peer == own_id_) return;

@@ -103,7 +103,7 @@ class DdsEcho::Impl {
         });
     for (const auto& match : lane.reader.take_matches())
       if (match.writer != lane.writer.endpoint().get_instance_handle())
-        lane.matched_writers += match.gone ? -1 : 1;
+        lane.matched_writers += match.is_gone() ? -1 : 1;
     return more;
   }
 

@@ -54,7 +54,7 @@ bool DdsHeaders::has_room(const wire::MeshHeader& header, const Handle& writer) 
 void DdsHeaders::take(const std::vector<wire::ReaderListener::Match>& matches) {
   for (const auto& event : matches)
     for (Waiting& known : waiting_)
-      if (known.writer == event.writer) known.is_gone = event.gone;
+      if (known.writer == event.writer) known.is_gone = event.is_gone();
 }
 
 std::vector<DdsHeaders::Counted> DdsHeaders::release() {

@@ -23,7 +23,7 @@ std::vector<SessionId> DdsHellos::take(const std::vector<wire::ReaderListener::M
                                        std::vector<Heard> heard) {
   std::vector<SessionId> lost;
   for (const auto& event : matches) {
-    if (event.gone) {
+    if (event.is_gone()) {
       if (const auto session = lose(event)) lost.push_back(*session);
     } else {
       welcome(event.writer);

@@ -220,11 +220,11 @@ class DdsMonitor::Impl {
                                    [&](const auto& pair) { return pair.a == i || pair.b == i; })));
         });
     for (const auto& event : report_reader_.take_matches())
-      if (event.gone)
+      if (event.is_gone())
         std::erase_if(regions_,
                       [&](const auto& known) { return known.second.writer == event.writer; });
     for (const auto& event : request_reader_.take_matches())
-      if (event.gone)
+      if (event.is_gone())
         std::erase_if(requests_,
                       [&](const auto& known) { return known.second.writer == event.writer; });
     return more || more_requests;
@@ -232,7 +232,7 @@ class DdsMonitor::Impl {
 
   void take_matches() {
     for (const auto& event : hello_reader_.take_matches()) {
-      if (event.gone) {
+      if (event.is_gone()) {
         silence_.gone(event.writer);
         hellos_.erase(event.writer);
       } else {
@@ -241,7 +241,7 @@ class DdsMonitor::Impl {
     }
     // A host that uses a channel alone may have nothing to say of itself.
     for (const auto& event : status_reader_.take_matches())
-      if (event.gone) processes_.erase(event.writer);
+      if (event.is_gone()) processes_.erase(event.writer);
   }
 
   void refuse(std::string line) {

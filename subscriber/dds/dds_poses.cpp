@@ -46,14 +46,12 @@ bool DdsPoses::claim_session(wire::SessionId session, const wire::Handle& writer
 void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& matches,
                                 std::vector<HeardDirectory> heard, bool more) {
   for (const auto& event : matches) {
-    if (!event.gone) {
+    if (!event.is_gone()) {
       find_teller(event.writer);
       continue;
     }
-    gone_tellers_.emplace_back(event.writer, event.barred);
-    gone_movers_.emplace_back(event.writer, event.barred   ? wire::Mover::kBarred
-                                            : event.silent ? wire::Mover::kSilent
-                                                           : wire::Mover::kLeft);
+    gone_tellers_.emplace_back(event.writer, event.now == wire::Mover::kBarred);
+    gone_movers_.emplace_back(event.writer, event.now);
   }
   for (HeardDirectory& one : heard) know(std::move(one));
   if (more) return;

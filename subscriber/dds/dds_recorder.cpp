@@ -342,7 +342,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   if (topics_[topic].reader == nullptr) return false;
   const std::vector<wire::ReaderListener::Match> matches = topics_[topic].listener->take_matches();
   for (const wire::ReaderListener::Match& event : matches)
-    if (event.gone) {
+    if (event.is_gone()) {
       sequences_.leave(event.writer);
     } else {
       sequences_.come(event.writer);

@@ -14,7 +14,7 @@ namespace {
 struct Ear {
   explicit Ear(const std::string& partition) { EXPECT_TRUE(reader.open(*bus, partition).is_ok()); }
   int writers() {
-    for (const auto& match : reader.take_matches()) count += match.gone ? -1 : 1;
+    for (const auto& match : reader.take_matches()) count += match.is_gone() ? -1 : 1;
     return count;
   }
   wire::Mailbox mailbox;

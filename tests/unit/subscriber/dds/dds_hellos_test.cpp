@@ -6,8 +6,6 @@
 namespace nearmesh::subscriber {
 namespace {
 
-using Match = wire::ReaderListener::Match;
-
 wire::Handle writer(std::uint8_t n) {
   wire::Handle handle;
   handle.value[0] = n;
@@ -23,12 +21,12 @@ DdsHellos::Heard hello_of(wire::SessionId publisher, std::uint8_t by) {
 TEST(DdsHellos, OfAPublisherThatJoinedAnewTwiceTheOneThatIsThereIsHeard) {
   wire::Mailbox mailbox;
   DdsHellos hellos(mailbox, "hello");
-  EXPECT_TRUE(hellos.take({{writer(1), 1, false}}, {hello_of(5, 1)}).empty());
-  EXPECT_TRUE(hellos.take({{writer(2), 1, false}}, {hello_of(5, 2)}).empty());
-  EXPECT_TRUE(hellos.take({{writer(2), 1, true}}, {}).empty());
-  EXPECT_TRUE(hellos.take({{writer(3), 1, false}}, {hello_of(5, 3)}).empty());
+  EXPECT_TRUE(hellos.take({{writer(1), 1, wire::Mover::kThere}}, {hello_of(5, 1)}).empty());
+  EXPECT_TRUE(hellos.take({{writer(2), 1, wire::Mover::kThere}}, {hello_of(5, 2)}).empty());
+  EXPECT_TRUE(hellos.take({{writer(2), 1, wire::Mover::kLeft}}, {}).empty());
+  EXPECT_TRUE(hellos.take({{writer(3), 1, wire::Mover::kThere}}, {hello_of(5, 3)}).empty());
   EXPECT_EQ(hellos.writer_of(5), writer(1));
-  EXPECT_EQ(hellos.take({{writer(1), 1, true}}, {}), std::vector<wire::SessionId>{5});
+  EXPECT_EQ(hellos.take({{writer(1), 1, wire::Mover::kLeft}}, {}), std::vector<wire::SessionId>{5});
   EXPECT_EQ(hellos.writer_of(5), writer(3));
   const auto can_hear = [](const wire::Handle& by) { return by == writer(3); };
   EXPECT_EQ(hellos.release(can_hear).size(), 1U);
@@ -38,12 +36,13 @@ TEST(DdsHellos, OfAPublisherThatJoinedAnewTwiceTheOneThatIsThereIsHeard) {
 TEST(DdsHellos, WhoContestsASessionOftenLeavesRoomForOthers) {
   wire::Mailbox mailbox;
   DdsHellos hellos(mailbox, "hello");
-  static_cast<void>(
-      hellos.take({{writer(1), 1, false}, {writer(2), 1, false}, {writer(3), 1, false}},
-                  {hello_of(5, 1), hello_of(6, 2)}));
+  static_cast<void>(hellos.take({{writer(1), 1, wire::Mover::kThere},
+                                 {writer(2), 1, wire::Mover::kThere},
+                                 {writer(3), 1, wire::Mover::kThere}},
+                                {hello_of(5, 1), hello_of(6, 2)}));
   for (int i = 0; i < 100; ++i) static_cast<void>(hellos.take({}, {hello_of(6, 3)}));
-  static_cast<void>(hellos.take({{writer(4), 1, false}}, {hello_of(5, 4)}));
-  EXPECT_EQ(hellos.take({{writer(1), 1, true}}, {}), std::vector<wire::SessionId>{5});
+  static_cast<void>(hellos.take({{writer(4), 1, wire::Mover::kThere}}, {hello_of(5, 4)}));
+  EXPECT_EQ(hellos.take({{writer(1), 1, wire::Mover::kLeft}}, {}), std::vector<wire::SessionId>{5});
   EXPECT_EQ(hellos.writer_of(5), writer(4));
 }
 

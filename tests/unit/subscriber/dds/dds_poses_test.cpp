@@ -27,12 +27,12 @@ TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) 
       directory.bodies.push_back({number, "body " + std::to_string(i), "m"});
       wire::BodyPoses said{.peer = 7, .part = directory.part, .sequence = i + 1};
       said.bodies.push_back({.number = number});
-      poses.take_directories({{mover, 1, false}}, {{directory, mover}}, false);
+      poses.take_directories({{mover, 1, wire::Mover::kThere}}, {{directory, mover}}, false);
       ASSERT_EQ(poses.take({{said, mover}}, false).size(), 1U) << "body " << i;
       if (is_removed) {
         poses.take_directories({}, {{nobody, mover}}, false);
       } else {
-        poses.take_directories({{mover, 1, true}}, {}, false);
+        poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
       }
       EXPECT_TRUE(poses.take({}, false).empty());
     }
@@ -77,7 +77,7 @@ TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
     poses.hear_promises({});
     EXPECT_EQ(poses.take({}, false).size(), 1U);
     EXPECT_EQ(poses.take_promises().size(), 1U);
-    poses.take_directories({{mover, 1, true}}, {}, false);
+    poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
     EXPECT_TRUE(poses.take({}, false).empty());
   }
 }
@@ -115,7 +115,7 @@ TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
   EXPECT_NE(lines[0].find("in the name of peer " + wire::partition_of(7)), std::string::npos)
       << lines[0];
   // It may be the peer itself, which joined anew: heard once its old self is missed, and not before.
-  poses.take_directories({{mover, 1, true}}, {}, false);
+  poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
   const std::vector<wire::BodyPose> after = poses.take({}, false);
   ASSERT_EQ(after.size(), 1U);
   EXPECT_EQ(after[0].body, "body 1");
@@ -129,7 +129,8 @@ TEST(DdsPoses, OnASecuredBusAnIdentityKeepsItsSessionsThroughWhicheverOfItsProgr
   const wire::Handle mover = writer(1, 1), anew = writer(1, 2), stranger = writer(2, 3);
   poses.take_directories({}, {{directory_of(0), mover}, {directory_of(0), anew}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), mover}, {poses_of(0, 2), anew}}, false).size(), 2U);
-  poses.take_directories({{mover, 1, true}, {anew, 1, true}}, {}, false);
+  poses.take_directories({{mover, 1, wire::Mover::kLeft}, {anew, 1, wire::Mover::kLeft}}, {},
+                         false);
   EXPECT_TRUE(poses.take({}, false).empty());
   poses.take_directories({}, {{directory_of(1), stranger}}, false);
   EXPECT_TRUE(poses.take({{poses_of(1, 3), stranger}}, false).empty());
@@ -149,20 +150,20 @@ TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
   poses.take_directories({}, {{directory_of(0), mover}}, false);
   EXPECT_EQ(poses.take({{poses_of(0, 1), mover}}, false).size(), 1U);
   static_cast<void>(changes_of(poses));
-  poses.take_directories({{mover, 1, true}}, {}, false);
+  poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
   EXPECT_TRUE(poses.take({}, false).empty());
   EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kLeft);
   // What was on its way does not bring it back.
   EXPECT_TRUE(poses.take({{poses_of(0, 2), mover}}, false).empty());
   EXPECT_TRUE(changes_of(poses).empty());
-  poses.take_directories({{mover, 2, false}}, {}, false);
+  poses.take_directories({{mover, 2, wire::Mover::kThere}}, {}, false);
   EXPECT_EQ(poses.take({}, false).size(), 1U);
   EXPECT_EQ(poses.take({{poses_of(0, 3), mover}}, false).size(), 1U);
   EXPECT_EQ(changes_of(poses).at("body 0"), wire::Mover::kThere);
   // One that is barred is forgotten.
-  poses.take_directories({{mover, 3, true, true}}, {}, false);
+  poses.take_directories({{mover, 3, wire::Mover::kBarred}}, {}, false);
   EXPECT_TRUE(poses.take({}, false).empty());
-  poses.take_directories({{mover, 4, false}}, {}, false);
+  poses.take_directories({{mover, 4, wire::Mover::kThere}}, {}, false);
   EXPECT_TRUE(poses.take({{poses_of(0, 4), mover}}, false).empty());
 }
 
@@ -176,7 +177,7 @@ TEST(DdsPoses, BodiesOfThoseThatWentLeaveRoomForThoseThatCome) {
     for (std::uint32_t part = 0; part < DdsPoses::kMaxPartsOfOne; ++part)
       all.push_back({directory_of(part * wire::kBodiesPerPart), mover});
     poses.take_directories({}, std::move(all), false);
-    poses.take_directories({{mover, 1, true}}, {}, false);
+    poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
     EXPECT_TRUE(poses.take({}, false).empty());
   }
   const wire::Handle comes = writer(2, 1);
@@ -230,7 +231,7 @@ TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
     EXPECT_EQ(poses.take({{poses_of(0, i), stays}, {said, mover}}, false).size(), 2U);
     poses.tell_bodies(inbox, kMost);
     poses.tell_movers(inbox, kMost);
-    poses.take_directories({{mover, 1, true}}, {}, false);
+    poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
     EXPECT_TRUE(poses.take({}, false).empty());
     poses.tell_bodies(inbox, kMost);
     poses.tell_movers(inbox, kMost);
