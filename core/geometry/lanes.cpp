@@ -5,6 +5,9 @@
 // needs no error bound, and |a m|, |n - a m| are at most |n| and a few per cent, since a is nearly the projection's. So the terms
 // stay below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the slab of the
 // other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself.
+// A way between two models is an axis that is neither's normal, so both slabs may serve as bounds along it. With two such forms the terms are those of
+// box_overlap.cpp twice and a few per cent: 132u M |n| and the 1.7322 c |n| of posing, less than 2 slack |n|_1 = (3.4644 c + 256u M) |n|_1. What
+// triangles reach is measured from the grid's origin, not from a centre: M bounds these magnitudes, too.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/lanes.cpp"
