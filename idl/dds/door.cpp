@@ -44,15 +44,16 @@ class Door final : public ChainedTransport, private LeaseEnd {
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
 
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
-    return is_udp(locator) ? outgoing_.open(*low_level_transport_, senders, locator)
-                           : low_level_transport_->OpenOutputChannel(senders, locator);
+    return is_udp(locator.kind) ? outgoing_.open(*low_level_transport_, senders, locator)
+                                : low_level_transport_->OpenOutputChannel(senders, locator);
   }
   /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
     return ChainingTransport::OpenInputChannel(
         locator, receiver,
-        is_udp(locator) ? std::max(max_message_bytes, kLargestDatagramBytes) : max_message_bytes);
+        is_udp(locator.kind) ? std::max(max_message_bytes, kLargestDatagramBytes)
+                             : max_message_bytes);
   }
   bool CloseInputChannel(const Locator_t& locator) override {
     close();
@@ -70,15 +71,12 @@ class Door final : public ChainedTransport, private LeaseEnd {
   }
 
  private:
-  static bool is_udp(const Locator_t& locator) {
-    return locator.kind == LOCATOR_KIND_UDPv4 || locator.kind == LOCATOR_KIND_UDPv6;
-  }
-
   void judge(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
              const Locator_t& local, const Locator_t& remote) {
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
-    const MessageSource from{
-        is_udp(remote), is_udp(remote) ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}};
+    const MessageSource from{is_udp(remote.kind), is_udp(remote.kind)
+                                                      ? IPLocator::getPhysicalPort(remote)
+                                                      : std::uint16_t{0}};
     std::span<const std::uint8_t> message(data, size);
     std::vector<std::uint8_t> of_next;
     for (std::size_t speakers = 1;; ++speakers) {

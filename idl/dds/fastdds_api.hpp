@@ -428,6 +428,11 @@ template <class Support>
 /// write. Other transports send what was written alone.
 inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 0;
 
+/// Whether locators of that kind are reached by UDP.
+[[nodiscard]] inline bool is_udp(std::int32_t locator_kind) {
+  return locator_kind == LOCATOR_KIND_UDPv4 || locator_kind == LOCATOR_KIND_UDPv6;
+}
+
 /// What a participant sends through one transport, less what is left out.
 class OutgoingFilter {
  public:
@@ -540,8 +545,7 @@ class ChainedTransport : public rtps::ChainingTransport {
   // OpenOutputChannel(), which may have a filter.
   bool OpenOutputChannels(rtps::SendResourceList& senders,
                           const rtps::LocatorSelectorEntry& to) final {
-    return low_level_transport_->kind() == LOCATOR_KIND_UDPv4 ||
-                   low_level_transport_->kind() == LOCATOR_KIND_UDPv6
+    return is_udp(low_level_transport_->kind())
                ? ChainingTransport::OpenOutputChannels(senders, to)
                : low_level_transport_->OpenOutputChannels(senders, to);
   }
