@@ -155,7 +155,7 @@ void find_box_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::
 HWY_INLINE double reach_back(const RelativeFrame& f, const ApartWay& way, const PlacedLanes& other,
                              std::uint32_t i) {
   double by_box = 0;
-  for (std::size_t j = 0; j < 3; ++j) by_box += way.on_other[j] * other.half[j][i];
+  for (std::size_t j = 0; j < 3; ++j) by_box += std::abs(way.back[j]) * other.half[j][i];
   if (!(other.per_square[i] > 0)) return by_box;
   const double e[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
   const std::array<double, 3>& w = way.way;
@@ -174,21 +174,19 @@ void find_gaps_along_lanes(const RelativeFrame& f, const ApartWay& way, const Pl
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   const Vec w[3] = {at(way.way[0]), at(way.way[1]), at(way.way[2])};
+  const Vec abs_w[3] = {hn::Abs(w[0]), hn::Abs(w[1]), hn::Abs(w[2])};
   const Vec back = at(reach_back(f, way, other, i) + way.room);
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec between[3], half[3], n[3], rest[3], box_rest[3];
+    Vec between[3], half[3], n[3], rest[3];
     load_boxes_from(other, i, own, lane, between, half);
     for (std::size_t k = 0; k < 3; ++k) n[k] = load(own.normal[k] + lane);
     // As in slab_gaps: the way is a n + rest, and a lane without a slab has n = 0, from = to = 0, so that its box says the same.
     const Vec a = hn::Mul(dot(w, n), at(1.0 / (kSlabLength * kSlabLength)));
-    for (std::size_t k = 0; k < 3; ++k) {
-      rest[k] = hn::Abs(hn::Sub(w[k], hn::Mul(a, n[k])));
-      box_rest[k] = hn::Abs(w[k]);
-    }
+    for (std::size_t k = 0; k < 3; ++k) rest[k] = hn::Abs(hn::Sub(w[k], hn::Mul(a, n[k])));
     const Vec by_slab =
         hn::Add(hn::Max(hn::Mul(a, load(own.from + lane)), hn::Mul(a, load(own.to + lane))),
                 dot(rest, half));
-    const Vec reach = hn::Min(dot(box_rest, half), by_slab);
+    const Vec reach = hn::Min(dot(abs_w, half), by_slab);
     const Vec apart = hn::Neg(dot(w, between));  // from one's own centre to the other's
     hn::StoreU(hn::Mul(hn::Sub(hn::Sub(apart, reach), back), at(way.metres)), d, gaps_m + lane);
   }
@@ -233,8 +231,7 @@ ApartWay::ApartWay(const RelativeFrame& f, const std::array<double, 3>& from_own
     : way(from_own_to_other) {
   double square = 0, length = 0;
   for (std::size_t k = 0; k < 3; ++k) {
-    on_other[k] =
-        std::abs(way[0] * f.rotation[k] + way[1] * f.rotation[3 + k] + way[2] * f.rotation[6 + k]);
+    back[k] = -(way[0] * f.rotation[k] + way[1] * f.rotation[3 + k] + way[2] * f.rotation[6 + k]);
     square += way[k] * way[k];
     length += std::abs(way[k]);
   }

@@ -244,7 +244,7 @@ class NearestSearch {
                            std::uint32_t count_b, double (&gaps_m)[kLanes]) const {
     double reach_a[kLanes], reach_b[kLanes];
     find_reaches(block_a.triangles, way_to_b_->way, reach_a);
-    find_reaches(block_b.triangles, way_to_a_->way, reach_b);
+    find_reaches(block_b.triangles, way_to_b_->back, reach_b);
     const double apart =
         way_to_b_->origins - way_to_b_->room - *std::max_element(reach_b, reach_b + count_b);
     for (std::uint32_t i = 0; i < kLanes; ++i) gaps_m[i] = (apart - reach_a[i]) * way_to_b_->metres;
@@ -258,12 +258,7 @@ class NearestSearch {
         shortest_way(as_doubles(nearest_a_), to_a_units(s_.b_in_a, nearest_b_));
     if (way == std::array<double, 3>{}) return;
     way_to_b_.emplace(s_.b_in_a, way);
-    // Against it, and along b's axes: of which length does not count.
-    const std::array<double, 9>& r = s_.b_in_a.rotation;
-    std::array<double, 3> back;
-    for (std::size_t k = 0; k < 3; ++k)
-      back[k] = -(way[0] * r[k] + way[1] * r[3 + k] + way[2] * r[6 + k]);
-    way_to_a_.emplace(s_.a_in_b(), back);
+    way_to_a_.emplace(s_.a_in_b(), way_to_b_->back);  // of which length does not count
   }
 
   using Corners = std::array<GridPoint, 3>;

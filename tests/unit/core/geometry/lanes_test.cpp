@@ -261,13 +261,9 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           find_gaps_along(f, way, placed, j, a.boxes, way_m);
           find_gaps_along(f, way, placed_bare, j, without_slabs(a.boxes), bare_way_m);
           // Of the first triangle of a's patch j and of each of b's: by what they reach along the way.
-          const std::array<double, 9>& r = f.rotation;
-          std::array<double, 3> back;
-          for (std::size_t k = 0; k < 3; ++k)
-            back[k] = -(way.way[0] * r[k] + way.way[1] * r[3 + k] + way.way[2] * r[6 + k]);
           double reaches[kLanes], reaches_back[kLanes];
           find_reaches(a.triangles, way.way, reaches);
-          find_reaches(b.triangles, back, reaches_back);
+          find_reaches(b.triangles, way.back, reaches_back);
           BoxGaps gaps;
           find_box_gaps(f, placed, j, a.boxes, gaps);
           for (std::uint32_t lane = 0; lane < kLanes; ++lane)

@@ -129,11 +129,12 @@ void find_box_gaps(const RelativeFrame& other_in_own, const PlacedLanes& other,
 
 /// A way from one's own model to the other, along which their parts are held apart: that between the nearest that are known, say.
 struct ApartWay {
-  std::array<double, 3> way;       ///< own units; any serves
-  std::array<double, 3> on_other;  ///< |way| along the other's axes, per unit of its own
-  double origins;                  ///< from one's own origin to the other's, times the way's length
-  double room;                     ///< what is rounded, likewise
-  double metres;                   ///< that a length along the way stands for, at least
+  std::array<double, 3> way;  ///< own units; any serves
+  std::array<double, 3>
+      back;        ///< against it, along the other's axes: what a unit of the other's goes back
+  double origins;  ///< from one's own origin to the other's, times the way's length
+  double room;     ///< what is rounded, likewise
+  double metres;   ///< that a length along the way stands for, at least
 
   /// Precondition: the way is not 0.
   ApartWay(const RelativeFrame& other_in_own, const std::array<double, 3>& from_own_to_other);
@@ -145,7 +146,7 @@ void find_gaps_along(const RelativeFrame& other_in_own, const ApartWay& way,
                      double (&gaps_m)[kLanes]);
 
 /// How far each of some triangles reaches along a direction: own units, times its length. Between triangles of two models there are
-/// way.origins - way.room, less the one's reach along the way, less the other's along the way back in its units, times way.metres.
+/// way.origins - way.room, less the one's reach along way.way, less the other's along way.back, times way.metres.
 /// Unused lanes: any.
 void find_reaches(const TriangleLanes& own, const std::array<double, 3>& direction,
                   double (&reaches)[kLanes]);
