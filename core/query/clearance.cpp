@@ -106,7 +106,8 @@ class GapQueue {
 /// held along it before they are held against each other. Of parts an exact search asks it as well; a bound does not, since who keeps it relies on
 /// gaps that the walk finds again (still_free).
 ///
-/// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the walk's floats may lose of that. Every pair of
+/// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the walk's floats may lose of that; where no
+/// unresolved node is in either part, all of it, for exact faces are held against each other whatever boxes say. Every pair of
 /// faces lies below some pair that was counted, queued or left out, so the least that these say is a bound as well.
 class NearestSearch {
  public:
@@ -151,12 +152,12 @@ class NearestSearch {
     if (is_exact_) follow_nearest();
     const Part a(s_.a, top.a), b(s_.b, top.b);
     if (opens_a(s_, a, b)) {
-      offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b.lane, s_.a.nodes[a.first()], s_.cell_a_m,
-            b.size() * s_.cell_b_m, is_a_larger_, way_to_b_,
+      offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b, s_.a.nodes[a.first()], s_.cell_a_m,
+            s_.cell_b_m, is_a_larger_, way_to_b_,
             [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
     } else if (b.kind() == Kind::kInner) {
-      offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a.lane, s_.b.nodes[b.first()], s_.cell_b_m,
-            a.size() * s_.cell_a_m, !is_a_larger_, way_to_a_,
+      offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a, s_.b.nodes[b.first()], s_.cell_b_m,
+            s_.cell_a_m, !is_a_larger_, way_to_a_,
             [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
     } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
       hold_faces(a, b);
@@ -170,24 +171,27 @@ class NearestSearch {
 
   // Queues the lanes of a node, in a dive all but the nearest.
   template <class PairOf>
-  void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& other,
-             std::uint32_t other_lane, const TreeNode& own, double own_cell_m, double other_size_m,
+  void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& others,
+             const Part& other, const TreeNode& own, double own_cell_m, double other_cell_m,
              bool is_own_larger, const std::optional<ApartWay>& way, const PairOf& pair_of) {
     BoxGaps gaps;
-    find_box_gaps(other_in_own, other, other_lane, own.boxes, gaps);
+    find_box_gaps(other_in_own, others, other.lane, own.boxes, gaps);
     double along_way_m[kLanes] = {};
     if (is_exact_ && way)
-      find_gaps_along(other_in_own, *way, other, other_lane, own.boxes, along_way_m);
+      find_gaps_along(other_in_own, *way, others, other.lane, own.boxes, along_way_m);
     const auto& by_larger_m = is_own_larger ? gaps.on_own_m : gaps.on_other_m;
     stats_.box_tests += kLanes;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
       if ((own.lanes >> lane & 1U) == 0) continue;
       const auto [place_a, place_b] = pair_of(lane);
-      const double lost_m = kLostOfSize * (own.size[lane] * own_cell_m + other_size_m);
+      const double lost_m =
+          kLostOfSize * (own.size[lane] * own_cell_m + other.size() * other_cell_m);
       // What holds above holds below.
       Gap offered{
           std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane], along_way_m[lane]}),
           std::max(top.by_larger, by_larger_m[lane] - lost_m), place_a, place_b};
+      // Of exact faces any axis tells it.
+      if (!own.is_coarse(lane) && !other.is_coarse()) offered.by_larger = offered.gap;
       if (is_diving_ && (!nearest_below_ || offered.gap < nearest_below_->gap)) {
         if (!nearest_below_) {
           nearest_below_ = offered;

@@ -36,6 +36,8 @@ struct Part {
   [[nodiscard]] std::uint32_t first() const { return node.first[lane]; }
   [[nodiscard]] std::uint32_t count() const { return node.kind_and_count[lane] >> 2; }
   [[nodiscard]] double size() const { return static_cast<double>(node.size[lane]); }
+  /// Whether an unresolved node is in it.
+  [[nodiscard]] bool is_coarse() const { return node.is_coarse(lane); }
   /// The lanes of a block that hold faces.
   [[nodiscard]] std::uint32_t faces() const { return (1U << count()) - 1; }
 
