@@ -12,6 +12,7 @@
 #include "door_watch.hpp"
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/idl/dds/door.hpp"
+#include "room.hpp"
 #include "routes.hpp"
 
 namespace nearmesh::wire {
@@ -420,6 +421,14 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->discovery_->set_own(key_of(bus->participant_->get_instance_handle()));
   bus->add_routes();
   bus->door_ = door_watch_of(bus->participant_->get_qos());
+  // Fast DDS makes a participant that finds no ports all the same: most others would never find it.
+  if (options.transport.transport != Transport::kTcp && bus->door_->own_ports() < 2)
+    return Status{StatusCode::kIo,
+                  "cannot join: all " + std::to_string(kPlacesPerDomain) + " places of domain " +
+                      std::to_string(options.transport.domain) +
+                      " on this machine are taken (UDP ports from " +
+                      std::to_string(7410 + 250 * options.transport.domain) +
+                      " on): end programs that are not needed, or take another domain or machine"};
   bus->door_->set_mailbox(&mailbox);
   return bus;
 }

@@ -168,6 +168,7 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration(options.lease_s);
   discovery.leaseDuration_announcementperiod = Duration(options.announcement_s);
+  qos.wire_protocol().builtin.mutation_tries = kPlacesPerDomain - 1;
   // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
   qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost

@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -50,10 +51,13 @@ class Door final : public ChainedTransport, private LeaseEnd {
   /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
-    return ChainingTransport::OpenInputChannel(
-        locator, receiver,
-        is_udp(locator.kind) ? std::max(max_message_bytes, kLargestDatagramBytes)
-                             : max_message_bytes);
+    if (!is_udp(locator.kind))
+      return ChainingTransport::OpenInputChannel(locator, receiver, max_message_bytes);
+    const bool is_open = ChainingTransport::OpenInputChannel(
+        locator, receiver, std::max(max_message_bytes, kLargestDatagramBytes));
+    if (!IPLocator::isMulticast(locator) && is_new_port(locator.port) && is_open)
+      watch_->note_own_port();
+    return is_open;
   }
   bool CloseInputChannel(const Locator_t& locator) override {
     close();
@@ -115,6 +119,12 @@ class Door final : public ChainedTransport, private LeaseEnd {
       watch_->count(DoorRefusal::kParameters);
     }
     if (copy) give_back(std::move(copy));
+  }
+
+  /// Of a port that another program has Fast DDS says the second time that it is open.
+  bool is_new_port(std::uint32_t port) {
+    const std::lock_guard lock(mutex_);
+    return tried_ports_.insert(port).second;
   }
 
   /// Several threads receive: as many copies are made as are in use at once, and kept.
@@ -199,6 +209,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
   std::vector<std::unique_ptr<RtpsCopy>> copies_;  ///< that nobody uses now
   std::mutex mutex_;
   bool closed_ = false;
+  std::set<std::uint32_t> tried_ports_;
   std::atomic<bool> is_added_ = false;
   rtps::TransportReceiverInterface* next_ = nullptr;  ///< where announcements go
   Locator_t local_, remote_;

@@ -90,6 +90,9 @@ class DoorWatch {
   }
   /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
+  /// It listens at one more UDP port of its own.
+  void note_own_port() { ++own_ports_; }
+  [[nodiscard]] int own_ports() const { return own_ports_; }
   void count(DoorRefusal refusal);
   /// To be held while a message that introduces is handed on. Fast DDS 2.9 fills in one set of proxies, shared by all its threads and
   /// without a lock, when it matches the endpoints of handshakes and of keys (mended later: eProsima/Fast-DDS pull request 3362).
@@ -146,6 +149,7 @@ class DoorWatch {
   std::atomic<std::uint32_t> gap_turn_ = 0;  ///< gaps that were cut
   std::mutex introductions_;
   std::mutex ends_mutex_;
+  std::atomic<int> own_ports_ = 0;
   std::vector<LeaseEnd*> ends_;
   std::mutex complain_mutex_;
   Mailbox* mailbox_ = nullptr;

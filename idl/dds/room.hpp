@@ -18,6 +18,8 @@ namespace nearmesh::wire {
 inline constexpr std::size_t kRoomThreads = 16;
 inline constexpr std::size_t kRoomDescriptors = 32;
 inline constexpr std::size_t kRoomBytes = 32U << 20;  ///< beside the stacks of the threads
+/// Of a domain on one machine: each participant listens at two UDP ports of its own, and RTPS has no more (DDSI-RTPS 2.3, 9.6.1.1).
+inline constexpr std::uint32_t kPlacesPerDomain = 120;
 /// Of same-host: a segment, which holds the largest header beside batches; and what it and those it speaks to listen at.
 inline constexpr std::uint64_t kSharedSegmentBytes = 4U << 20;
 inline constexpr std::uint64_t kRoomSharedBytes = kSharedSegmentBytes + (2U << 20);

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Both channels: other ways to find each other, and participants given by a host.
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 #include <atomic>
 
 #include "dds_channel_fixture.hpp"
@@ -79,6 +83,34 @@ TEST(DdsChannel, DiscoveryServerAloneBringsThemTogether) {
   ASSERT_NE(server, nullptr);
   EXPECT_TRUE(peer.await(found));
   factory->delete_participant(server);
+}
+
+TEST(DdsChannel, DomainWhosePlacesAreTakenIsNamed) {
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(own_prefix());
+  options.transport.domain = 97;
+  std::vector<int> sockets;
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  for (std::uint32_t port = 7410 + 250 * options.transport.domain; sockets.size() < 240; ++port) {
+    sockets.push_back(::socket(AF_INET, SOCK_DGRAM, 0));
+    at.sin_port = htons(static_cast<std::uint16_t>(port));
+    static_cast<void>(::bind(sockets.back(), reinterpret_cast<sockaddr*>(&at), sizeof at));
+  }
+  const auto refused = PeerChannel::create(options);
+  ASSERT_FALSE(refused.is_ok());
+  EXPECT_EQ(refused.status().code(), StatusCode::kIo);
+  EXPECT_NE(refused.status().message().find("places of domain 97 on this machine are taken"),
+            std::string::npos)
+      << refused.status().message();
+  // The last pair of ports is a place, too.
+  for (int i = 0; i < 2; ++i) {
+    ::close(sockets.back());
+    sockets.pop_back();
+  }
+  const auto last = PeerChannel::create(options);
+  EXPECT_TRUE(last.is_ok()) << last.status().message();
+  for (const int socket : sockets) ::close(socket);
 }
 
 TEST(DdsChannel, WrongTransportOptionsAreNamed) {
