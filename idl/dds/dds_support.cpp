@@ -405,9 +405,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
     qos.flow_controllers().push_back(flow);
   }
   // On a secured bus announcements are not encrypted, and no door looks for it.
-  if (options.heard_bodies && options.heard_bodies->size() <= kMaxHeardBodies &&
-      options.transport.security.empty())
-    qos.user_data().setValue(heard_bodies_data(*options.heard_bodies));
+  if (options.bodies && options.transport.security.empty())
+    if (auto told = user_data_of(*options.bodies)) qos.user_data().setValue(*told);
   add_door(qos, options.transport.identity_period_s);
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
@@ -421,6 +420,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->discovery_->set_own(key_of(bus->participant_->get_instance_handle()));
   bus->add_routes();
   bus->door_ = door_watch_of(bus->participant_->get_qos());
+  bus->door_->set_mailbox(&mailbox);
   // Fast DDS makes a participant that finds no ports all the same: most others would never find it.
   if (options.transport.transport != Transport::kTcp && bus->door_->own_ports() < 2)
     return Status{StatusCode::kIo,
@@ -429,7 +429,6 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                       " on this machine are taken (UDP ports from " +
                       std::to_string(7410 + 250 * options.transport.domain) +
                       " on): end programs that are not needed, or take another domain or machine"};
-  bus->door_->set_mailbox(&mailbox);
   return bus;
 }
 

@@ -34,6 +34,7 @@
 #include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "qos.hpp"
+#include "told_bodies.hpp"
 #include "type_support.hpp"
 
 namespace nearmesh::wire {
@@ -201,9 +202,9 @@ struct BusOptions {
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
   std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
-  /// All bodies that the host will ever name, where it knows them: of an own participant others' doors are told (PoseHearers). More
-  /// than kMaxHeardBodies are not told.
-  std::optional<std::vector<std::string>> heard_bodies;
+  /// All bodies that the host will ever name, where it knows them: of an own participant others' doors are told (told_bodies.hpp). More
+  /// than kMaxToldBodies are not told.
+  std::optional<BodyNames> bodies;
   struct Found {
     Handle endpoint;
     std::string topic, partition;  ///< "" for none

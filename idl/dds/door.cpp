@@ -85,7 +85,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
     std::vector<std::uint8_t> of_next;
     for (std::size_t speakers = 1;; ++speakers) {
       RtpsVerdict verdict = watch_->check(message, from);
-      if (!verdict.refusal) let_in(next, message, verdict, local, remote);
+      if (!verdict.refusal && !verdict.is_kept_out) let_in(next, message, verdict, local, remote);
       if (verdict.next_speaker_at == 0) return;
       if (speakers == kMaxSpeakers) {
         watch_->count(DoorRefusal::kSource);
@@ -317,7 +317,8 @@ void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   const DoorRules rules{.is_plain = discovery.discoveryProtocol == DiscoveryProtocol::SIMPLE,
                         .by_udp_alone = all_udp(qos),
                         .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
-                        .identity_period_s = identity_period_s};
+                        .identity_period_s = identity_period_s,
+                        .bodies = told_bodies_in(qos.user_data().getValue())};
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;

@@ -65,12 +65,24 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
     const bool was_known = !verdict.announcement || book_.is_known(verdict.source);
+    if (!was_known && keeps_out(verdict)) {
+      verdict.is_kept_out = true;
+      return verdict;
+    }
     verdict.refusal = book_.hear(verdict, from);
     if (!verdict.refusal && rules_.is_plain) book_.hold_back(verdict);
     if (!verdict.refusal && paces()) note_for_pace(verdict, was_known);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;
+}
+
+/// A stranger that moves nothing, or to one that moves nothing, has no clock to tell. May throw std::bad_alloc.
+bool DoorWatch::keeps_out(const RtpsVerdict& newcomer) {
+  if (!rules_.is_plain || !rules_.bodies || newcomer.announcement->leaves) return false;
+  const std::optional<ToldBodies> told = told_bodies_in(newcomer.announcement->user);
+  if (!told || !are_strangers(*rules_.bodies, *told)) return false;
+  return told->moved.empty() || rules_.bodies->moved.empty() || book_.keeps_out(newcomer.source);
 }
 
 /// Where there is no memory for it more is told than need be.

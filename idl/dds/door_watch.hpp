@@ -23,6 +23,7 @@
 #include "mailbox.hpp"
 #include "participant_book.hpp"
 #include "pose_hearers.hpp"
+#include "told_bodies.hpp"
 
 namespace nearmesh::wire {
 
@@ -41,8 +42,9 @@ struct DoorRules {
   /// Discovery without a server, where each participant speaks for itself alone. Then leases end here.
   bool is_plain = false;
   bool by_udp_alone = false;
-  double announcement_s = 1;      ///< period of its announcements
-  double identity_period_s = 10;  ///< between two looks at identities
+  double announcement_s = 1;         ///< period of its announcements
+  double identity_period_s = 10;     ///< between two looks at identities
+  std::optional<ToldBodies> bodies;  ///< that it tells of, if it does
 };
 
 /// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads
@@ -88,11 +90,11 @@ class DoorWatch {
       }
     });
   }
-  /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
-  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   /// It listens at one more UDP port of its own.
   void note_own_port() { ++own_ports_; }
   [[nodiscard]] int own_ports() const { return own_ports_; }
+  /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
+  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
   /// To be held while a message that introduces is handed on. Fast DDS 2.9 fills in one set of proxies, shared by all its threads and
   /// without a lock, when it matches the endpoints of handshakes and of keys (mended later: eProsima/Fast-DDS pull request 3362).
@@ -122,6 +124,7 @@ class DoorWatch {
   void run();
   void tick(double passed_s);
   void tell_ends();
+  [[nodiscard]] bool keeps_out(const RtpsVerdict& newcomer);
   void note_for_pace(const RtpsVerdict& message, bool was_known);
   void say_what_was_refused();
   void say(std::string line);
@@ -146,10 +149,10 @@ class DoorWatch {
   DiscoveryPace pace_;
   PoseHearers hearers_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
+  std::atomic<int> own_ports_ = 0;
   std::atomic<std::uint32_t> gap_turn_ = 0;  ///< gaps that were cut
   std::mutex introductions_;
   std::mutex ends_mutex_;
-  std::atomic<int> own_ports_ = 0;
   std::vector<LeaseEnd*> ends_;
   std::mutex complain_mutex_;
   Mailbox* mailbox_ = nullptr;

@@ -6,6 +6,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <random>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -21,7 +22,7 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// Five rules:
+/// Six rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
 ///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
@@ -30,6 +31,9 @@ struct MessageSource {
 ///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does within five seconds, and who invents
 ///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
 ///   more than such invented ones as never speak again can be within that.
+/// * **Whom one has to do with.** Strangers (told_bodies.hpp) stay outside: to know somebody costs milliseconds at once, and a message a second. A few
+///   come in all the same that move bodies, kChosen at most, drawn by lot, one each kChoice_s, and so does whoever has let this one in. So each is linked to each by
+///   some others, and the exercise's clock, which is the latest that anybody tells, reaches all.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
@@ -43,9 +47,13 @@ class ParticipantBook {
   static constexpr double kMoved_s = 5;
   static constexpr double kBurst = 256;
   static constexpr double kNewcomersPerSecond = 50;
-  static constexpr double kAgain_s = 0.05;          ///< between the two words of who is held back
-  static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
-  static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
+  static constexpr std::size_t kChosen = 4;
+  static constexpr double kChoice_s = 5;
+  static constexpr double kForgotten_s = 20;          ///< strangers that are silent for so long
+  static constexpr std::size_t kMaxStrangers = 4096;  ///< remembered
+  static constexpr double kAgain_s = 0.05;            ///< between the two words of who is held back
+  static constexpr std::size_t kMaxWaiting = 4096;    ///< held back; the oldest are forgotten
+  static constexpr std::size_t kMaxPorts = 16;        ///< of one participant
   static constexpr double kOnlyAnnounced_s = 60;
   static constexpr std::size_t kMaxKnown = 4096;
   static constexpr double kLeapBurst = 1 << 22;  ///< of all participants; 0.9 s of counting
@@ -55,6 +63,9 @@ class ParticipantBook {
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
                                                 const MessageSource& from);
+
+  /// Whether this stranger, which is not known and announces itself, stays outside for now. To be asked before hear(). May throw std::bad_alloc.
+  [[nodiscard]] bool keeps_out(const ParticipantKey& stranger);
 
   /// Of a message that hear() took: changes where its heartbeats begin, if that is too far. May throw std::bad_alloc.
   void hold_back(RtpsVerdict& message);
@@ -88,6 +99,7 @@ class ParticipantBook {
     /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
     std::map<std::uint32_t, std::int64_t> begun;
   };
+  void choose_stranger();
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
   [[nodiscard]] bool has_left(const Known& known) const;
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
@@ -102,6 +114,14 @@ class ParticipantBook {
   std::unordered_map<ParticipantKey, double, ParticipantKeyHash> waiting_;  ///< since when
   std::deque<ParticipantKey>
       waiting_order_;  ///< all of these, and such as are not waiting any more
+  struct Stranger {
+    double last_s = 0;
+    bool may_come = false;  ///< with its next announcement
+  };
+  std::unordered_map<ParticipantKey, Stranger, ParticipantKeyHash> strangers_;  ///< outside
+  std::vector<ParticipantKey> chosen_;  ///< of them, and of those that have come in
+  double next_choice_s_ = 0;
+  std::minstd_rand dice_{std::random_device{}()};
   std::vector<Gone> gone_;
 };
 

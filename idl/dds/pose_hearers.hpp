@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Who needs no poses of the bodies that are moved here. A participant whose host knows beforehand which bodies it will ever name says so in its
-// announcement (user data); to one that names none of these the door sends a pose only now and then, since the exercise's clock is the
-// latest that anybody tells. In an exercise of n couples each then hears one other, not 2 n - 1. Such a reader misses nothing that it would
+// Who needs no poses of the bodies that are moved here. To a participant that has told which bodies its host will ever name
+// (told_bodies.hpp), and names none of these, the door sends a pose only now and then, since the exercise's clock is the latest that anybody
+// tells. In an exercise of n couples each then hears one other, not 2 n - 1. Such a reader misses nothing that it would
 // look at, and a pose that does not come never makes an answer certain: what is left out for a name told wrongly is "no pose has come".
 // A custom filter of Fast DDS would do the same, but its table is changed while a writer may read it (its issue 4878).
 // No Fast DDS, no clock.
@@ -15,13 +15,9 @@
 #include <vector>
 
 #include "rtps_check.hpp"
+#include "told_bodies.hpp"
 
 namespace nearmesh::wire {
-
-/// Names that a participant tells at most: more do not fit into one datagram beside the rest.
-inline constexpr std::size_t kMaxHeardBodies = 64;
-/// What it announces: user data. Precondition: at most kMaxHeardBodies.
-[[nodiscard]] std::vector<std::uint8_t> heard_bodies_data(const std::vector<std::string>& names);
 
 /// Threads: one at a time.
 class PoseHearers {
@@ -41,15 +37,14 @@ class PoseHearers {
   static constexpr double kClock_s = 5;
 
  private:
-  using Names = std::vector<std::uint32_t>;  ///< hashes, ascending
   struct Hearer {
     ParticipantKey key{};
-    Names names;
+    ToldBodies told;
     std::optional<bool> is_spared;  ///< as far as was looked since bodies changed
     std::optional<double> told_s;   ///< when it was sent one although it is
   };
   std::optional<std::uint32_t> writer_;
-  Names moved_;
+  std::vector<std::uint32_t> moved_;  ///< hashes, ascending
   std::unordered_map<RtpsPlace, Hearer, RtpsPlaceHash> hearers_;
 };
 

@@ -106,6 +106,7 @@ struct RtpsChange {
 
 struct RtpsVerdict {
   std::optional<DoorRefusal> refusal;
+  bool is_kept_out = false;  ///< not handed on, which is no fault of it (ParticipantBook)
   /// To be handed on: Fast DDS's statistics at the end are left out. Nothing of nearmesh reads them, and Fast DDS compares them
   /// by assertions.
   std::size_t size = 0;

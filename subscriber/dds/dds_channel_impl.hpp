@@ -177,7 +177,9 @@ class DdsChannel::Impl {
   LruMap<SessionId, PoseCounts> tally_{kMaxWaitingOthers};  ///< what was heard of those heard last
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;
-  bool has_other_bodies_ = false;     ///< than the door was told
+  bool has_other_bodies_ = false;  ///< than the door was told
+  std::set<std::string>
+      not_told_;  ///< bodies that are moved here and not in DdsChannelOptions::moves
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.

@@ -58,7 +58,7 @@ Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
   bus_options.host_participant = options_.participant;
-  bus_options.heard_bodies = options_.bodies;
+  if (options_.bodies) bus_options.bodies = {*options_.bodies, options_.moves};
   bus_options.on_writer = [this](const wire::BusOptions::Found& found) {
     if (found.gone || found.topic != names_.of<wire::BodyPromises>()) return;
     promises_found_ = true;
@@ -241,6 +241,13 @@ void DdsChannel::Impl::tell_moved() {
       for (const wire::BodyDirectory::Body& body : directory.bodies) names.push_back(body.name);
   }
   bus_->tell_moved(pose_writer_.endpoint(), names);
+  if (!options_.bodies) return;
+  for (const std::string& name : names)
+    if (std::find(options_.moves.begin(), options_.moves.end(), name) == options_.moves.end() &&
+        not_told_.insert(name).second)
+      mailbox_.complain("body " + name +
+                        " is moved here, but DdsChannelOptions::moves does not name it: peers that "
+                        "name it may never hear of it");
 }
 
 /// The last poses or promises of a part are kept for who joins later. Where all its bodies are gone, or are not such any more, they would be

@@ -411,7 +411,13 @@ Outcome run(const RunOptions& options) {
   DdsChannelOptions bus = options.channel;
   if (!scene.value().watches_all) {
     bus.bodies.emplace();
-    for (const BodyOfScene& body : scene.value().bodies) bus.bodies->push_back(body.name);
+    // Which bodies ROS 2 moves is not known yet: any that may move.
+    const bool asks_ros2 = !options.ros2_poses.empty();
+    for (const BodyOfScene& body : scene.value().bodies) {
+      bus.bodies->push_back(body.name);
+      if (!body.trajectory.empty() || (asks_ros2 && !body.fixed_pose))
+        bus.moves.push_back(body.name);
+    }
   }
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(bus);
   NEARMESH_RETURN_IF_ERROR(channel);

@@ -152,6 +152,30 @@ TEST(DdsChannel, FewPosesAreSentToWhoNamesNoneOfTheBodies) {
   EXPECT_TRUE(arms.await_said(*other.channel, {ground}));
 }
 
+// The exercise's clock is one for all.
+TEST(DdsChannel, StrangersHearEachOtherAfterAWhile) {
+  const auto join_moving = [](const std::string& body) {
+    subscriber::DdsChannelOptions options;
+    options.transport = transport(own_prefix());
+    options.bodies = {"ground", body};
+    options.moves = {body};
+    auto made = PeerChannel::create(options);
+    EXPECT_TRUE(made.is_ok()) << made.status().message();
+    return std::move(made).value();
+  };
+  Peer arm(join_moving("arm")), leg(join_moving("leg"));
+  const wire::BodyPose at = pose_of(leg.channel->own_id(), "leg", 1);
+  say(*leg.channel, at);
+  ASSERT_TRUE(arm.await_said(*leg.channel, {at})) << arm.story();
+  // A body that it did not tell of: others may wait for it in vain.
+  say(*leg.channel, pose_of(leg.channel->own_id(), "foot", 2));
+  EXPECT_TRUE(leg.await([](const Inbox& in) {
+    return std::any_of(in.complaints.begin(), in.complaints.end(), [](const std::string& line) {
+      return line.find("body foot is moved here, but") != std::string::npos;
+    });
+  })) << leg.story();
+}
+
 // The session knows who wants what by the peer's name alone.
 TEST(DdsChannel, NobodyWantsPosesInThePlaceOfAnotherPeer) {
   Peer mover(make_peer(own_prefix())), wants(make_peer(own_prefix()));

@@ -120,5 +120,41 @@ TEST(DoorWatch, BothSpeakersOfAMessageAreBoundToTheirSocket) {
   EXPECT_EQ(watch.is_silent(nearmesh::test::key_of(2), 3), false);
 }
 
+TEST(DoorWatch, StrangersStayOutsideWithoutAComplaint) {
+  DoorWatch tells({.is_plain = true, .bodies = told_bodies_in(*user_data_of({{"red"}, {"blue"}}))},
+                  nullptr),
+      any({.is_plain = true}, nullptr);
+  const auto comes_in = [&](DoorWatch& door, std::uint8_t number, const BodyNames* bodies) {
+    nearmesh::test::Rtps heard({1, 15, number});
+    heard.begin_announcement().lease(20);
+    if (bodies != nullptr) {
+      const std::vector<std::uint8_t> data = user_data_of(*bodies).value();
+      heard.begin_parameter(0x002c).u32(static_cast<std::uint32_t>(data.size())).add(data);
+      heard.end_parameter();
+    }
+    heard.finish_announcement();
+    const RtpsVerdict verdict = door.check(heard.bytes, {true, 7411});
+    EXPECT_FALSE(verdict.refusal);
+    return !verdict.is_kept_out;
+  };
+  const BodyNames red{{}, {"red"}}, looks{{"blue"}, {}}, green{{"red"}, {"green"}};
+  EXPECT_TRUE(comes_in(tells, 1, &red));
+  EXPECT_TRUE(comes_in(tells, 2, &looks));
+  EXPECT_FALSE(comes_in(tells, 3, &green));
+  EXPECT_TRUE(comes_in(tells, 4, nullptr)) << "it may name any body";
+  EXPECT_TRUE(comes_in(any, 3, &green)) << "this one may";
+  // Who speaks has let this one in, to tell it the exercise's clock; one that moves nothing cannot.
+  const BodyNames looks_elsewhere{{"yellow"}, {}};
+  EXPECT_FALSE(comes_in(tells, 5, &looks_elsewhere));
+  for (const std::uint8_t number : {std::uint8_t{3}, std::uint8_t{5}}) {
+    nearmesh::test::Rtps word({1, 15, number});
+    word.heartbeat(1, 1);
+    EXPECT_FALSE(tells.check(word.bytes, {true, 7411}).refusal);
+  }
+  EXPECT_TRUE(comes_in(tells, 3, &green));
+  EXPECT_FALSE(comes_in(tells, 5, &looks_elsewhere));
+  EXPECT_EQ(tells.refused(), any.refused());
+}
+
 }  // namespace
 }  // namespace nearmesh::wire

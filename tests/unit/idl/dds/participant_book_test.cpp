@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <set>
 
 #include "tests/support/rtps_message.hpp"
 
@@ -284,6 +285,68 @@ TEST_F(ParticipantBookTest, BarredIsNotHeardAgain) {
   EXPECT_FALSE(book.is_known(participant_key(1)));
   EXPECT_TRUE(hears(word_of(2)));
   EXPECT_FALSE(book.is_barred(participant_key(2)));
+}
+
+class Strangers : public ParticipantBookTest {
+ protected:
+  /// It announces itself. Out: whether it comes in.
+  bool calls(std::uint32_t number) {
+    const RtpsVerdict call = announcement_of(number);
+    if (!book.is_known(call.source) && book.keeps_out(call.source)) return false;
+    EXPECT_TRUE(hears(call));
+    return true;
+  }
+  /// These call each five seconds for so long. Out: which have come in.
+  std::set<std::uint32_t> call_for(double seconds, std::uint32_t first, std::uint32_t count) {
+    std::set<std::uint32_t> in;
+    for (double passed_s = 0; passed_s < seconds; passed_s += 5) {
+      for (std::uint32_t number = first; number < first + count; ++number)
+        if (calls(number)) in.insert(number);
+      static_cast<void>(pass(5));
+    }
+    return in;
+  }
+};
+
+TEST_F(Strangers, FewComeInWhoeverCallsFirst) {
+  constexpr std::uint32_t kCrowd = 100;
+  for (std::uint32_t i = 0; i < kCrowd; ++i) EXPECT_FALSE(calls(i));
+  const std::set<std::uint32_t> in = call_for(200, 0, kCrowd);
+  EXPECT_EQ(in.size(), ParticipantBook::kChosen);
+  EXPECT_GT(*in.rbegin(), ParticipantBook::kChosen) << "drawn by lot: else all would draw the same";
+  EXPECT_EQ(book.size(), in.size());
+}
+
+TEST_F(Strangers, OneThatHasLeftMakesRoomForAnother) {
+  ASSERT_EQ(call_for(60, 0, 20).size(), ParticipantBook::kChosen);
+  RtpsVerdict farewell;
+  for (std::uint32_t i = 0; i < 20 && !farewell.announcement; ++i)
+    if (book.is_known(participant_key(i))) farewell = announcement_of(i);
+  farewell.announcement->leaves = true;
+  ASSERT_TRUE(hears(farewell));
+  EXPECT_EQ(book.size(), ParticipantBook::kChosen - 1);
+  static_cast<void>(call_for(20, 0, 20));
+  EXPECT_EQ(book.size(), ParticipantBook::kChosen);
+  // One that was drawn, and did not come.
+  book = {};
+  EXPECT_FALSE(calls(1));
+  static_cast<void>(pass(ParticipantBook::kForgotten_s + 6));
+  EXPECT_EQ(call_for(60, 10, 20).size(), ParticipantBook::kChosen);
+}
+
+TEST_F(Strangers, WhoHasLetThisOneInComesIn) {
+  ASSERT_EQ(call_for(60, 0, 20).size(), ParticipantBook::kChosen);
+  std::uint32_t outside = 0;
+  while (book.is_known(participant_key(outside))) ++outside;
+  EXPECT_FALSE(calls(outside));
+  ASSERT_TRUE(hears(word_of(outside)));
+  EXPECT_TRUE(calls(outside));
+  EXPECT_EQ(book.size(), ParticipantBook::kChosen + 1);
+}
+
+TEST_F(Strangers, FloodIsNotRemembered) {
+  for (std::uint32_t i = 0; i < 2 * ParticipantBook::kMaxStrangers; ++i) EXPECT_FALSE(calls(i));
+  EXPECT_LE(call_for(60, 0, 3 * ParticipantBook::kMaxStrangers).size(), ParticipantBook::kChosen);
 }
 
 }  // namespace

@@ -24,10 +24,14 @@ struct DdsChannelOptions {
   wire::TransportOptions transport;
   wire::SessionId session =
       0;  ///< this peer's number on the bus, unlike all others'; 0: one drawn at random
-  /// All bodies that the host will ever name in its session, others' and its own, where it knows them beforehand: peers are told, and
-  /// send it a pose of others' bodies each five seconds alone, for the exercise's clock. Of a body that is not among them "no pose has
+  /// All bodies that the host will ever name in its session, others' and its own, where it knows them beforehand. Peers are told: of
+  /// other bodies it hears a pose each five seconds alone, for the exercise's clock. Of a body that is not among them "no pose has
   /// come", or an old one. None: it may name any. By UDP without identities, on an own participant; more than 64 names count as none.
   std::optional<std::vector<std::string>> bodies;
+  /// Beside `bodies`: all that the host will ever move itself. Two peers that tell both, and of which neither names a body that the other
+  /// moves, are strangers: most never hear of each other (docs/network.md). A body that is moved and not told is complained of: peers that
+  /// name it may wait for it in vain.
+  std::vector<std::string> moves;
   /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
   /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
   /// was made here is removed. Must outlive the channel.
