@@ -2,7 +2,6 @@
 #include "participant_book.hpp"
 
 #include <algorithm>
-#include <iterator>
 
 namespace nearmesh::wire {
 namespace {
@@ -20,8 +19,8 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   if (at == known_.end()) {
     // Fast DDS takes nothing from who is unknown but its announcement.
     if (!message.announcement || message.announcement->leaves) {
-      const auto stranger = strangers_.find(message.source);
-      if (stranger != strangers_.end()) stranger->second.may_come = true;
+      if (spoken_.size() >= kMaxSpoken) spoken_.clear();
+      if (!message.announcement) spoken_.insert(message.source);
       return std::nullopt;
     }
     if (known_.size() >= kMaxKnown || !may_come_in(message.source)) return DoorRefusal::kCrowd;
@@ -122,32 +121,12 @@ bool ParticipantBook::may_come_in(const ParticipantKey& key) {
 }
 
 bool ParticipantBook::keeps_out(const ParticipantKey& stranger) {
-  auto at = strangers_.find(stranger);
-  if (at == strangers_.end()) {
-    if (strangers_.size() >= kMaxStrangers) return true;
-    at = strangers_.try_emplace(stranger).first;
-  }
-  at->second.last_s = now_s_;
-  if (!at->second.may_come) return true;
-  strangers_.erase(at);
-  return false;
-}
-
-void ParticipantBook::choose_stranger() {
-  std::erase_if(strangers_,
-                [this](const auto& entry) { return now_s_ - entry.second.last_s > kForgotten_s; });
-  std::erase_if(chosen_, [this](const ParticipantKey& key) {
-    if (known_.contains(key)) return false;
-    const auto at = strangers_.find(key);
-    return at == strangers_.end() || !at->second.may_come;  // it left, and is back perhaps
-  });
-  if (strangers_.empty() || chosen_.size() >= kChosen) return;
-  std::uniform_int_distribution<std::ptrdiff_t> lot(
-      0, static_cast<std::ptrdiff_t>(strangers_.size()) - 1);
-  const auto drawn = std::next(strangers_.begin(), lot(dice_));
-  if (!drawn->second.may_come) chosen_.push_back(drawn->first);
-  drawn->second.may_come = true;
+  if (spoken_.erase(stranger) > 0) return false;
+  std::erase_if(chosen_, [this](const ParticipantKey& key) { return !known_.contains(key); });
+  if (chosen_.size() >= kChosen || now_s_ < next_choice_s_ || dice_() % kLots != 0) return true;
+  chosen_.push_back(stranger);
   next_choice_s_ = now_s_ + kChoice_s;
+  return false;
 }
 
 bool ParticipantBook::has_left(const Known& known) const {
@@ -161,7 +140,6 @@ void ParticipantBook::tick(double seconds) {
   tokens_ = std::min(kBurst, tokens_ + kNewcomersPerSecond * seconds);
   again_tokens_ = std::min(kBurst, again_tokens_ + kNewcomersPerSecond * seconds);
   leap_tokens_ = std::min(kLeapBurst, leap_tokens_ + kLeapsPerSecond * seconds);
-  if (now_s_ >= next_choice_s_) choose_stranger();
   const auto leaves = [this](const auto& entry) { return has_left(entry.second); };
   // All memory first: nobody is forgotten whose end is not told.
   gone_.reserve(gone_.size() +

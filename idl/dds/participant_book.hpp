@@ -32,8 +32,9 @@ struct MessageSource {
 ///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
 ///   more than such invented ones as never speak again can be within that.
 /// * **Whom one has to do with.** Strangers (told_bodies.hpp) stay outside: to know somebody costs milliseconds at once, and a message a second. A few
-///   come in all the same that move bodies, kChosen at most, drawn by lot, one each kChoice_s, and so does whoever has let this one in. So each is linked to each by
-///   some others, and the exercise's clock, which is the latest that anybody tells, reaches all.
+///   that move bodies come in all the same, kChosen at most, one each kChoice_s, each by a lot of one in kLots, or all would let in the same
+///   ones; and so does whoever has let this one in. So each is linked to each by some others, and the exercise's clock, which is the latest that
+///   anybody tells, reaches all.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
@@ -49,11 +50,11 @@ class ParticipantBook {
   static constexpr double kNewcomersPerSecond = 50;
   static constexpr std::size_t kChosen = 4;
   static constexpr double kChoice_s = 5;
-  static constexpr double kForgotten_s = 20;          ///< strangers that are silent for so long
-  static constexpr std::size_t kMaxStrangers = 4096;  ///< remembered
-  static constexpr double kAgain_s = 0.05;            ///< between the two words of who is held back
-  static constexpr std::size_t kMaxWaiting = 4096;    ///< held back; the oldest are forgotten
-  static constexpr std::size_t kMaxPorts = 16;        ///< of one participant
+  static constexpr std::uint32_t kLots = 4;
+  static constexpr std::size_t kMaxSpoken = 4096;   ///< remembered; beyond that all are forgotten
+  static constexpr double kAgain_s = 0.05;          ///< between the two words of who is held back
+  static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
+  static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
   static constexpr double kOnlyAnnounced_s = 60;
   static constexpr std::size_t kMaxKnown = 4096;
   static constexpr double kLeapBurst = 1 << 22;  ///< of all participants; 0.9 s of counting
@@ -99,7 +100,6 @@ class ParticipantBook {
     /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
     std::map<std::uint32_t, std::int64_t> begun;
   };
-  void choose_stranger();
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
   [[nodiscard]] bool has_left(const Known& known) const;
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
@@ -114,12 +114,9 @@ class ParticipantBook {
   std::unordered_map<ParticipantKey, double, ParticipantKeyHash> waiting_;  ///< since when
   std::deque<ParticipantKey>
       waiting_order_;  ///< all of these, and such as are not waiting any more
-  struct Stranger {
-    double last_s = 0;
-    bool may_come = false;  ///< with its next announcement
-  };
-  std::unordered_map<ParticipantKey, Stranger, ParticipantKeyHash> strangers_;  ///< outside
-  std::vector<ParticipantKey> chosen_;  ///< of them, and of those that have come in
+  std::unordered_set<ParticipantKey, ParticipantKeyHash>
+      spoken_;  ///< who is not known and has said more than that it is there
+  std::vector<ParticipantKey> chosen_;  ///< strangers
   double next_choice_s_ = 0;
   std::minstd_rand dice_{std::random_device{}()};
   std::vector<Gone> gone_;

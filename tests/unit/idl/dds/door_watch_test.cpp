@@ -140,7 +140,9 @@ TEST(DoorWatch, StrangersStayOutsideWithoutAComplaint) {
   const BodyNames red{{}, {"red"}}, looks{{"blue"}, {}}, green{{"red"}, {"green"}};
   EXPECT_TRUE(comes_in(tells, 1, &red));
   EXPECT_TRUE(comes_in(tells, 2, &looks));
-  EXPECT_FALSE(comes_in(tells, 3, &green));
+  int greens = 0;
+  for (std::uint8_t number = 10; number < 60; ++number) greens += comes_in(tells, number, &green);
+  EXPECT_LE(greens, 1) << "by lot, one each five seconds";
   EXPECT_TRUE(comes_in(tells, 4, nullptr)) << "it may name any body";
   EXPECT_TRUE(comes_in(any, 3, &green)) << "this one may";
   // Who speaks has let this one in, to tell it the exercise's clock; one that moves nothing cannot.
