@@ -137,6 +137,29 @@ TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
   EXPECT_GT(counts.left, counts.kept);
 }
 
+// Between exact faces it is all the same whose axis shows the gap; boxes of unresolved nodes are parted along axes that turn with a body.
+TEST(StillFree, OnlyWhereNodesAreUnresolvedTheLargerBodyTellsLess) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
+  const HeldPair pair(terrain, aircraft);
+  Random random(4);
+  int all = 0, less = 0;
+  for (int i = 0; i < test::rounds(300); ++i) {
+    const test::PairOfPoses poses = test::near_poses(random, terrain, test::radius_m(terrain),
+                                                     aircraft, test::radius_m(aircraft));
+    const PosedPair at = pair.posed(poses.a, poses.b);
+    const Answer full = query(pair.all_a.view(), at.a, pair.all_b.view(), at.b,
+                              {.clearance = Clearance::kBound}),
+                 held = pair.ask(poses.a, poses.b, Clearance::kBound);
+    if (full.status != AnswerStatus::kFree || held.status != AnswerStatus::kFree) continue;
+    ++all;
+    ASSERT_EQ(full.clearance_by_larger_m, full.clearance_m);
+    ASSERT_LE(held.clearance_by_larger_m, held.clearance_m);
+    less += held.clearance_by_larger_m < held.clearance_m ? 1 : 0;
+  }
+  EXPECT_GT(all, test::rounds(10));
+  EXPECT_GT(less, all / 4);
+}
+
 // What other movers say is a rotation but for 1e-5: here all is larger by half of that.
 TEST(StillFree, BracketsTheDistanceWhereAPoseStretches) {
   const BakedModel sphere = test::bake_named("sphere");
