@@ -423,12 +423,13 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->door_->set_mailbox(&mailbox);
   // Fast DDS makes a participant that finds no ports all the same: most others would never find it.
   if (options.transport.transport != Transport::kTcp && bus->door_->own_ports() < 2)
-    return Status{StatusCode::kIo,
-                  "cannot join: all " + std::to_string(kPlacesPerDomain) + " places of domain " +
-                      std::to_string(options.transport.domain) +
-                      " on this machine are taken (UDP ports from " +
-                      std::to_string(7410 + 250 * options.transport.domain) +
-                      " on): end programs that are not needed, or take another domain or machine"};
+    return Status{
+        StatusCode::kIo,
+        "cannot join: all " + std::to_string(kPlacesPerDomain) + " places of domain " +
+            std::to_string(options.transport.domain) +
+            " on this machine are taken (UDP ports from " +
+            std::to_string(qos.wire_protocol().port.getUnicastPort(options.transport.domain, 0)) +
+            " on): end programs that are not needed, or take another domain or machine"};
   return bus;
 }
 

@@ -314,11 +314,13 @@ const HasDoor* door_of(const Descriptor* descriptor) {
 void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   name_builtin_transports(qos);
   const auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  const DoorRules rules{.is_plain = discovery.discoveryProtocol == DiscoveryProtocol::SIMPLE,
-                        .by_udp_alone = all_udp(qos),
-                        .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
-                        .identity_period_s = identity_period_s,
-                        .bodies = told_bodies_in(qos.user_data().getValue())};
+  const bool is_plain = discovery.discoveryProtocol == DiscoveryProtocol::SIMPLE;
+  const DoorRules rules{
+      .is_plain = is_plain,
+      .by_udp_alone = all_udp(qos),
+      .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
+      .identity_period_s = identity_period_s,
+      .bodies = is_plain ? told_bodies_in(qos.user_data().getValue()) : std::nullopt};
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;

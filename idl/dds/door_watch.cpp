@@ -40,7 +40,10 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 }  // namespace
 
 DoorWatch::DoorWatch(const DoorRules& rules, std::unique_ptr<IdentityBook> identities)
-    : rules_(rules), identities_(std::move(identities)), pace_(rules.announcement_s) {
+    : rules_(rules),
+      identities_(std::move(identities)),
+      book_(rules.bodies.has_value()),
+      pace_(rules.announcement_s) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -79,7 +82,7 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
 
 /// A stranger that moves nothing, or to one that moves nothing, has no clock to tell. May throw std::bad_alloc.
 bool DoorWatch::keeps_out(const RtpsVerdict& newcomer) {
-  if (!rules_.is_plain || !rules_.bodies || newcomer.announcement->leaves) return false;
+  if (!rules_.bodies || newcomer.announcement->leaves) return false;
   const std::optional<ToldBodies> told = told_bodies_in(newcomer.announcement->user);
   if (!told || !are_strangers(*rules_.bodies, *told)) return false;
   return told->moved.empty() || rules_.bodies->moved.empty() || book_.keeps_out(newcomer.source);

@@ -44,7 +44,7 @@ struct DoorRules {
   bool by_udp_alone = false;
   double announcement_s = 1;         ///< period of its announcements
   double identity_period_s = 10;     ///< between two looks at identities
-  std::optional<ToldBodies> bodies;  ///< that it tells of, if it does
+  std::optional<ToldBodies> bodies;  ///< that it tells of, if it does; where it is_plain
 };
 
 /// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads

@@ -19,8 +19,10 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   if (at == known_.end()) {
     // Fast DDS takes nothing from who is unknown but its announcement.
     if (!message.announcement || message.announcement->leaves) {
-      if (spoken_.size() >= kMaxSpoken) spoken_.clear();
-      if (!message.announcement) spoken_.insert(message.source);
+      if (has_strangers_ && !message.announcement) {
+        if (spoken_.size() >= kMaxSpoken) spoken_.clear();
+        spoken_.insert(message.source);
+      }
       return std::nullopt;
     }
     if (known_.size() >= kMaxKnown || !may_come_in(message.source)) return DoorRefusal::kCrowd;

@@ -61,6 +61,9 @@ class ParticipantBook {
   static constexpr double kLeapsPerSecond = 1 << 22;
   static constexpr std::size_t kMaxBegun = 64;  ///< writers of one participant that begin far
 
+  /// In: whether keeps_out() will be asked.
+  explicit ParticipantBook(bool has_strangers = false) : has_strangers_(has_strangers) {}
+
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
                                                 const MessageSource& from);
@@ -104,6 +107,7 @@ class ParticipantBook {
   [[nodiscard]] bool has_left(const Known& known) const;
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
 
+  bool has_strangers_;
   double now_s_ = 0;
   std::unordered_map<ParticipantKey, Known, ParticipantKeyHash> known_;
   std::unordered_set<ParticipantKey, ParticipantKeyHash>

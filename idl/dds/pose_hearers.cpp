@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pose_hearers.hpp"
 
-#include <algorithm>
-
 #include "rtps_cursor.hpp"
 
 namespace nearmesh::wire {
@@ -20,7 +18,7 @@ void PoseHearers::expect(const ParticipantKey& key, const RtpsAnnouncement& anno
   const std::optional<ToldBodies> told = told_bodies_in(announcement.user);
   if (!told) return;
   for (std::size_t i = 0; i < announcement.place_count && hearers_.size() < kMaxPlaces; ++i)
-    hearers_[announcement.places[i]] = {key, *told, {}, {}};
+    hearers_[announcement.places[i]] = {key, told->named, {}, {}};
 }
 
 void PoseHearers::forget(const ParticipantKey& key) {
@@ -42,12 +40,7 @@ bool PoseHearers::may_go(const RtpsPlace& place, double now_s) {
   const auto at = hearers_.find(place);
   if (at == hearers_.end()) return true;
   Hearer& hearer = at->second;
-  if (!hearer.is_spared) {
-    const auto is_moved = [this](std::uint32_t body) {
-      return std::binary_search(moved_.begin(), moved_.end(), body);
-    };
-    hearer.is_spared = std::none_of(hearer.told.named.begin(), hearer.told.named.end(), is_moved);
-  }
+  if (!hearer.is_spared) hearer.is_spared = !have_one_in_common(hearer.named, moved_);
   if (*hearer.is_spared && hearer.told_s && now_s - *hearer.told_s < kClock_s) return false;
   if (*hearer.is_spared) hearer.told_s = now_s;
   return true;

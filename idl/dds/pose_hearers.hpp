@@ -39,9 +39,9 @@ class PoseHearers {
  private:
   struct Hearer {
     ParticipantKey key{};
-    ToldBodies told;
-    std::optional<bool> is_spared;  ///< as far as was looked since bodies changed
-    std::optional<double> told_s;   ///< when it was sent one although it is
+    std::vector<std::uint32_t> named;  ///< hashes, ascending
+    std::optional<bool> is_spared;     ///< as far as was looked since bodies changed
+    std::optional<double> told_s;      ///< when it was sent one although it is
   };
   std::optional<std::uint32_t> writer_;
   std::vector<std::uint32_t> moved_;  ///< hashes, ascending

@@ -21,13 +21,6 @@ std::uint32_t hash_of(const std::string& name) {
   return static_cast<std::uint32_t>(hash_bytes({bytes, name.size()})) & ~kMoved;
 }
 
-/// Of two ascending lists.
-bool have_one_in_common(const std::vector<std::uint32_t>& a, const std::vector<std::uint32_t>& b) {
-  return std::any_of(a.begin(), a.end(), [&](std::uint32_t hash) {
-    return std::binary_search(b.begin(), b.end(), hash);
-  });
-}
-
 }  // namespace
 
 std::vector<std::uint32_t> body_hashes(const std::vector<std::string>& names) {
@@ -70,6 +63,12 @@ std::optional<ToldBodies> told_bodies_in(std::span<const std::uint8_t> user_data
     if (word != hash) told.moved.push_back(hash);
   }
   return told;
+}
+
+bool have_one_in_common(const std::vector<std::uint32_t>& a, const std::vector<std::uint32_t>& b) {
+  return std::any_of(a.begin(), a.end(), [&](std::uint32_t hash) {
+    return std::binary_search(b.begin(), b.end(), hash);
+  });
 }
 
 bool are_strangers(const ToldBodies& one, const ToldBodies& other) {

@@ -17,8 +17,8 @@ inline constexpr std::size_t kMaxToldBodies = 64;
 
 /// Bodies that a host names.
 struct BodyNames {
-  std::vector<std::string> named,
-      moved;  ///< `moved`: of its own; to be among the others, too, is allowed
+  std::vector<std::string> named;
+  std::vector<std::string> moved;  ///< by itself; they may be among the others, too
 };
 
 /// What of that is announced: hashes, ascending.
@@ -29,6 +29,9 @@ struct ToldBodies {
 
 /// Hashes of names, ascending, each once.
 [[nodiscard]] std::vector<std::uint32_t> body_hashes(const std::vector<std::string>& names);
+/// Of two such lists.
+[[nodiscard]] bool have_one_in_common(const std::vector<std::uint32_t>& a,
+                                      const std::vector<std::uint32_t>& b);
 /// User data. Nothing: they are more than kMaxToldBodies.
 [[nodiscard]] std::optional<std::vector<std::uint8_t>> user_data_of(const BodyNames& bodies);
 /// Of user data. Nothing: it is not ours, or malformed; then the participant may name any body, and move any.

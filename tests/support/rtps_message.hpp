@@ -123,6 +123,10 @@ class Rtps {
     begin_parameter(id).u32(1).u32(port).zeros(12);
     return u8(127).u8(0).u8(0).u8(last).end_parameter();
   }
+  Rtps& user_data(const RtpsBytes& data) {
+    begin_parameter(0x002c).u32(static_cast<std::uint32_t>(data.size())).add(data);
+    return end_parameter();
+  }
   /// What a participant says of itself, up to its own parameters; close with finish_announcement().
   Rtps& begin_announcement(std::int64_t number = 1) {
     begin_data(kParticipantReader, kParticipantWriter, number, 4).encapsulation(3);

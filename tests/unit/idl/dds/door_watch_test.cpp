@@ -127,11 +127,7 @@ TEST(DoorWatch, StrangersStayOutsideWithoutAComplaint) {
   const auto comes_in = [&](DoorWatch& door, std::uint8_t number, const BodyNames* bodies) {
     nearmesh::test::Rtps heard({1, 15, number});
     heard.begin_announcement().lease(20);
-    if (bodies != nullptr) {
-      const std::vector<std::uint8_t> data = user_data_of(*bodies).value();
-      heard.begin_parameter(0x002c).u32(static_cast<std::uint32_t>(data.size())).add(data);
-      heard.end_parameter();
-    }
+    if (bodies != nullptr) heard.user_data(user_data_of(*bodies).value());
     heard.finish_announcement();
     const RtpsVerdict verdict = door.check(heard.bytes, {true, 7411});
     EXPECT_FALSE(verdict.refusal);

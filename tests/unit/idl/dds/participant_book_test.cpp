@@ -289,6 +289,7 @@ TEST_F(ParticipantBookTest, BarredIsNotHeardAgain) {
 
 class Strangers : public ParticipantBookTest {
  protected:
+  Strangers() { book = ParticipantBook(true); }
   /// It announces itself. Out: whether it comes in.
   bool calls(std::uint32_t number) {
     const RtpsVerdict call = announcement_of(number);
@@ -318,7 +319,7 @@ TEST_F(Strangers, FewComeIn) {
 TEST_F(Strangers, NotAllLetTheSameOnesIn) {
   std::set<std::uint32_t> first;
   for (int i = 0; i < 30; ++i) {
-    book = {};
+    book = ParticipantBook(true);
     first.insert(*call_for(5, 0, 100).begin());
   }
   EXPECT_GT(first.size(), 1U);

@@ -134,10 +134,7 @@ TEST_F(PoseHearersTest, OnlyMessagesThatAreAllPosesAreLeftOut) {
 TEST_F(PoseHearersTest, DoorSendsFewPosesToWhoNamesNoneOfTheBodies) {
   DoorWatch door({.is_plain = true, .by_udp_alone = true}, nullptr);
   Rtps heard(kHearer);
-  heard.begin_announcement().lease(20);
-  const std::vector<std::uint8_t> data = names({"blue"});
-  heard.begin_parameter(0x002c).u32(static_cast<std::uint32_t>(data.size())).add(data);
-  heard.end_parameter().finish_announcement();
+  heard.begin_announcement().lease(20).user_data(names({"blue"})).finish_announcement();
   ASSERT_FALSE(door.check(heard.bytes, {true, 7411}).refusal);
   RtpsPlace where = at_port(7411);
   where.address[12] = 127;
