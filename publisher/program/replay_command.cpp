@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/command/json_text.hpp"
 #include "idl/program/logging.hpp"
@@ -242,11 +243,11 @@ Outcome run(ReplayOptions options) {
   report_gaps(recording);
   const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());
   NEARMESH_RETURN_IF_ERROR(outlet);
-  spdlog::info(
-      "replaying {}: {:.3f} to {:.3f} s of {} publishers and {} peers, on domain {}, topics {}/*",
-      options.path, playhead.value().start_s(), playhead.value().end_s(),
-      index.value()->publishers().size(), index.value()->peers().size(), options.transport.domain,
-      options.transport.prefix);
+  spdlog::info("replaying {}: {:.3f} to {:.3f} s of {} and {}, on domain {}, topics {}/*",
+               options.path, playhead.value().start_s(), playhead.value().end_s(),
+               counted(index.value()->publishers().size(), "publisher"),
+               counted(index.value()->peers().size(), "peer"), options.transport.domain,
+               options.transport.prefix);
   Replay replay(recording, *index.value(), *outlet.value(), std::move(playhead).value(),
                 options.loop);
   if (!options.models.empty()) {

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/command/json_text.hpp"
@@ -242,7 +243,10 @@ class Doctor {
             {{"name", process.name}, {"host", process.host}, {"process_id", process.process_id}});
     }
     if (guarded > 0)
-      good("door", std::to_string(guarded) + " processes check what comes in", guarded);
+      good("door",
+           guarded == 1 ? "1 process checks what comes in"
+                        : std::to_string(guarded) + " processes check what comes in",
+           guarded);
   }
 
   Status join() {
@@ -390,7 +394,7 @@ class Doctor {
     for (const auto& [id, found] : publishers_) {
       good("publisher",
            wire::called(id, found.second.name) + " after " + milliseconds(found.first) + ", " +
-               std::to_string(found.second.models.size()) + " models",
+               counted(found.second.models.size(), "model"),
            found.first);
       for (const auto& model : found.second.models) {
         const auto header = headers_.find(model.content_hash);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "core/command/json_text.hpp"
 #include "nearmesh/core/query/query.hpp"
@@ -58,9 +59,10 @@ nlohmann::ordered_json to_json(const RecordingReader& recording, const Survey& s
 
 void print_text(const RecordingReader& recording, const Survey& survey) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  std::printf("%.3f s in %u file%s; %zu publishers, %zu peers\n", survey.duration_s,
-              recording.parts(), recording.parts() == 1 ? "" : "s", survey.publishers.size(),
-              survey.peers.size());
+  std::printf("%.3f s in %s; %s, %s\n", survey.duration_s,
+              counted(recording.parts(), "file").c_str(),
+              counted(survey.publishers.size(), "publisher").c_str(),
+              counted(survey.peers.size(), "peer").c_str());
   for (const auto& [hash, model] : survey.models)
     std::printf("model   %-24s %s, %llu faces\n", model.name.c_str(), to_hex(hash).c_str(),
                 count(model.faces));

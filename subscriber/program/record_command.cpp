@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/program/logging.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -17,14 +18,12 @@ namespace {
 
 void show(const char* end, const RecorderStats& stats, double seconds) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  std::fprintf(
-      stderr,
-      "%s%.0f s: %llu samples, %.1f MB of %u writers, %u file%s, %llu sent before, %llu lost, %llu "
-      "dropped%s",
-      *end == '\n' ? "" : "\r", seconds, count(stats.messages),
-      static_cast<double>(stats.bytes) / 1e6, stats.writers, stats.parts,
-      stats.parts == 1 ? "" : "s", count(stats.before), count(stats.lost), count(stats.dropped),
-      end);
+  std::fprintf(stderr,
+               "%s%.0f s: %s, %.1f MB of %s, %s, %llu sent before, %llu lost, %llu dropped%s",
+               *end == '\n' ? "" : "\r", seconds, counted(stats.messages, "sample").c_str(),
+               static_cast<double>(stats.bytes) / 1e6, counted(stats.writers, "writer").c_str(),
+               counted(stats.parts, "file").c_str(), count(stats.before), count(stats.lost),
+               count(stats.dropped), end);
 }
 
 }  // namespace

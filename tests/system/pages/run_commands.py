@@ -219,12 +219,12 @@ def make_models(page):
         page.make("nearmesh-model", "build", name, "-o", name[:-3] + "spm")
 
 
-def make_scene(page, ground="ground", craft="craft", rows=100, times=1, more=""):
-    """An aircraft that comes down onto the ground so many times, rests there for most of a second, and leaves it, at 20 rows a second."""
+def make_scene(page, ground="ground", craft="craft", rows=100, times=1, rests=16, more=""):
+    """An aircraft that comes down onto the ground so many times, rests there for so many rows, and leaves it, at 20 rows a second."""
     (page.folder / "scene.yaml").write_text(
         f"bodies:\n  - {{name: {ground}, model: terrain, pose: {{translation: [0, 0, 0]}}}}\n  - {{name: {craft}, model: aircraft}}\n"
         f"moves:\n  - {{body: {craft}, trajectory: flight.csv}}\npairs: all\nframe_rate_hz: 20\nbudget_ms: 50\nlookahead_s: 1\n{more}")
-    heights = [max(abs(row % (rows / times) - rows / times / 2) - 8, 0) * 0.8 for row in range(rows)]
+    heights = [max(abs(row % (rows / times) - rows / times / 2) - rests / 2, 0) * 0.8 for row in range(rows)]
     (page.folder / "flight.csv").write_text(
         "QW,QX,QY,QZ,T0,T1,T2\n" + "".join(f"1,0,0,0,{row / 10},0,{height}\n" for row, height in enumerate(heights)))
 
@@ -334,7 +334,7 @@ def security(page):
 
 def sessions(page):
     make_models(page)
-    make_scene(page, "quay", "hull", rows=260)
+    make_scene(page, "quay", "hull", rows=260, rests=120)  # who looks on has to join while it is played, at twice the speed
     (page.folder / "models").mkdir()
     for name in ("terrain.spm", "aircraft.spm"):
         (page.folder / "models" / name).symlink_to(f"../{name}")
