@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/base/random.hpp"
+#include "rounds.hpp"
 
 namespace nearmesh {
 namespace {
@@ -485,12 +486,20 @@ TEST(Simplify, ReachesTargetOnFacesOnAnEdge) { expect_reached(faces_on_an_edge(2
 TEST(Simplify, ReachesTargetOnATangleOfFewVertices) { expect_reached(soup(12, 60000), 100); }
 TEST(Simplify, KeepsTwoFansClosedAndManifold) { expect_closed_manifold(two_fans(20000), 64); }
 
+// What is counted is the same under sanitizers, and takes them seconds.
+class SimplifyWork : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (test::kSanitized) GTEST_SKIP() << "counts only";
+  }
+};
+
 /// What simplification looks at, for each face of the mesh.
 double work_per_face(const GridMesh& mesh) {
   return static_cast<double>(run(mesh, 256).work) / static_cast<double>(mesh.faces.size());
 }
 
-TEST(SimplifyWork, IsNoMoreThanTwiceThatOfTerrainAroundOneVertex) {
+TEST_F(SimplifyWork, IsNoMoreThanTwiceThatOfTerrainAroundOneVertex) {
   const double terrain = work_per_face(rough_terrain(200));
   EXPECT_LT(work_per_face(fan(80000)), 2 * terrain);
   EXPECT_LT(work_per_face(two_fans(80000)), 2 * terrain);
@@ -498,17 +507,17 @@ TEST(SimplifyWork, IsNoMoreThanTwiceThatOfTerrainAroundOneVertex) {
   EXPECT_LT(work_per_face(faces_on_an_edge(80000)), 2 * terrain);
 }
 
-TEST(SimplifyWork, IsNoMoreThanFourTimesThatOfTerrainAroundManyVertices) {
+TEST_F(SimplifyWork, IsNoMoreThanFourTimesThatOfTerrainAroundManyVertices) {
   const double terrain = work_per_face(rough_terrain(200));
   for (const auto& one : {fan(2000), two_fans(4000), blades(2000), faces_on_an_edge(2000)})
     EXPECT_LT(work_per_face(many(20, one)), 4 * terrain);
 }
 
-TEST(SimplifyWork, OfATangleIsLessThanHalfWhereItsFacesShareFewVertices) {
+TEST_F(SimplifyWork, OfATangleIsLessThanHalfWhereItsFacesShareFewVertices) {
   EXPECT_LT(2 * work_per_face(tangled_hubs(10, 2000)), work_per_face(tangled_hubs(400, 50)));
 }
 
-TEST(SimplifyWork, IsTheSameForEachFaceHoweverManyShareAVertex) {
+TEST_F(SimplifyWork, IsTheSameForEachFaceHoweverManyShareAVertex) {
   for (const auto& mesh : {fan, two_fans, blades, faces_on_an_edge})
     EXPECT_LT(work_per_face(mesh(80000)), 1.5 * work_per_face(mesh(20000)) + 10);
 }
@@ -576,8 +585,10 @@ CollapseLog run_on(const GridMesh& mesh, std::uint32_t base_faces, unsigned thre
 void expect_same_on_threads(const GridMesh& mesh) {
   ASSERT_GT(mesh.positions.size(), 65536U) << "a mesh without cells proves nothing";
   const std::uint64_t alone = hash_of(run_on(mesh, 256, 1));
-  for (const unsigned threads : {2U, 3U, 8U})
+  for (const unsigned threads : {3U, 2U, 8U}) {
+    if (test::kSanitized && threads != 3) continue;
     EXPECT_EQ(hash_of(run_on(mesh, 256, threads)), alone) << threads << " threads";
+  }
 }
 TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfTerrain) {
   expect_same_on_threads(rough_terrain(260));
