@@ -23,7 +23,7 @@
 #include "nearmesh/core/world/world_probe.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
-#include "subscriber/peer/peer_world.hpp"
+#include "subscriber/peer/session_impl.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -287,13 +287,30 @@ struct Listed {
   }
 };
 
-/// What a peer holds of a world all of whose pages it was sent.
-double all_pages_bytes(const WorldFolder& folder, const Listed& listed) {
+/// What a peer holds of a world: when it was sent all pages, and later, when for long enough nothing was near but a body low over one tile.
+struct HeldPages {
+  double all_bytes = 0, later_bytes = 0;
+};
+HeldPages measure_pages(const WorldFolder& folder, const Listed& listed) {
+  constexpr double kReach_m = 150;  // of a fast body: half a second of flight
   const double before = heap_bytes();
   auto world = subscriber::PeerWorld::from_record(folder.name(), encode_world(folder.world()));
   for (const ContentHash& page : listed.pages)
     static_cast<void>(world.value().take_page(page, folder.page_bytes(page).value()));
-  return heap_bytes() - before;
+  HeldPages held{.all_bytes = heap_bytes() - before};
+  const CellBox tile = listed.tiles.begin()->second.box();
+  GridBox body;
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    body.lo[k] = body.hi[k] = static_cast<std::int32_t>((tile.lo[axis] + tile.hi[axis]) / 2);
+  }
+  const Grid grid = world_grid(folder.world());
+  const auto reach = static_cast<std::uint32_t>(std::ldexp(kReach_m, -grid.exponent));
+  static_cast<void>(world.value().tiles_around(make_relative_frame(grid, {}, grid, {}), body, reach,
+                                               2 * subscriber::kUnused_s));
+  world.value().give_up(2 * subscriber::kUnused_s, subscriber::kUnused_s);
+  held.later_bytes = heap_bytes() - before;
+  return held;
 }
 
 /// What a peer holds that has an aircraft for each tile, so many of them low over theirs and the others far above.
@@ -364,9 +381,11 @@ bool run_memory(const std::string& folder) {
   const auto root = served->folder.root();
   listed.pages.push_back(served->folder.world().root);
   if (!root.is_ok() || !listed.add(served->folder, root.value())) return false;
-  const double pages = all_pages_bytes(served->folder, listed);
-  std::printf("far_tile_at_peer,%.1f,%zu pages: as many as there are\n", pages / tile_count,
-              listed.pages.size());
+  const HeldPages held = measure_pages(served->folder, listed);
+  std::printf("far_tile_whose_page_is_held,%.1f,%zu pages: as many as there are\n",
+              held.all_bytes / tile_count, listed.pages.size());
+  std::printf("far_tile_at_peer,%.2f,once nothing was near it for %.0f s\n",
+              held.later_bytes / tile_count, subscriber::kUnused_s);
   std::vector<WorldEntry> tiles;
   for (const auto& [content, entry] : listed.tiles)
     if (tiles.size() < kTiles) tiles.push_back(entry);
