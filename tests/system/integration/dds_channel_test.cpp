@@ -269,6 +269,40 @@ TEST(DdsChannel, BatchesAreAcknowledgedAsTheyCome) {
   EXPECT_EQ(server.subscriptions.back().window_bytes, 12345U);
 }
 
+// A host that takes nothing for a while loses nothing of one publisher because another sends much.
+TEST(DdsChannel, BatchesOfOnePublisherTakeNoPlaceOfAnothers) {
+  constexpr wire::SessionId kMuch = kChildPublisher + 1;
+  Server server(make_publisher(own_prefix())), much(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  much.channel->announce(hello_of(kMuch), {});
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.hellos.size() == 2; }));
+  peer.channel->send(request_of(peer.channel->own_id()));
+  peer.channel->send(request_of(peer.channel->own_id(), 1, kMuch));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  ASSERT_TRUE(much.await([&] { return !much.subscriptions.empty(); }));
+  const auto send = [&](Server& from, const wire::SplitBatchMessage& batch) {
+    return wait_for([&] { return from.channel->send(peer.channel->own_id(), batch); });
+  };
+  const auto await_acknowledged = [](Server& from, std::uint32_t sequence) {
+    return from.await([&] { return from.subscriptions.back().acknowledged_sequence == sequence; });
+  };
+  wire::SplitBatchMessage batch = batch_of(0, false);
+  batch.publisher = kMuch;
+  batch.bytes.resize(100);
+  constexpr std::uint32_t kCount = PeerChannel::kMaxWaitingBatches + 100;
+  while (batch.sequence < kCount) {
+    ++batch.sequence;
+    ASSERT_TRUE(send(much, batch)) << batch.sequence;
+  }
+  ASSERT_TRUE(await_acknowledged(much, kCount));
+  ASSERT_TRUE(send(server, batch_of(1, true)));
+  ASSERT_TRUE(await_acknowledged(server, 1));
+  const Inbox& inbox = peer.collect();
+  ASSERT_EQ(inbox.batches.size(), PeerChannel::kMaxWaitingBatches + 1);
+  EXPECT_EQ(inbox.batches.back().publisher, kChildPublisher);
+}
+
 TEST(DdsChannel, LargestSubscriptionArrives) {
   Peer peer(make_peer(own_prefix()));
   Server server(make_publisher(own_prefix()));
