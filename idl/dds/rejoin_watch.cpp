@@ -134,7 +134,9 @@ const std::string* RejoinWatch::deaf_peer(double now_s) {
     others = others_;
   }
   std::optional<sockaddr_in> deaf;
-  if (others && (others->count == 0 || kConnectsAgainByTcp)) {
+  // Others of Fast DDS 3.1 take no second connection from a port that they knew: whoever listens at one would lose those that it has found.
+  const bool may_disturb = kConnectsAgainByTcp && options_.listen_port == 0;
+  if (others && others->count < tcp_peers_.size() && (others->count == 0 || may_disturb)) {
     std::vector<sockaddr_in> connected;
     std::copy_if(tcp_peers_.begin(), tcp_peers_.end(), std::back_inserter(connected),
                  is_connected_to);
