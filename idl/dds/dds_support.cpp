@@ -242,17 +242,8 @@ class DiscoveryListener : public FindingListener {
   void participant_found(const FoundParticipant& found) override {
     const std::string name = shown_participant(found.name);
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
-    if (found.tcp_places.empty()) return;
-    const std::lock_guard lock(mutex_);
-    if (found.is_gone)
-      tcp_places_.erase(key_of(found.participant));
-    else
-      tcp_places_[key_of(found.participant)] = found.tcp_places;
   }
-  [[nodiscard]] FoundOthers others() {
-    const std::lock_guard lock(mutex_);
-    return others_;
-  }
+  [[nodiscard]] bool has_found_others() const { return has_found_others_; }
   /// Of the participant that this listens for, before it has endpoints: they are found, too.
   void set_own(const ParticipantKey& own) {
     const std::lock_guard lock(mutex_);
@@ -283,11 +274,7 @@ class DiscoveryListener : public FindingListener {
 
   void note(const FoundEndpoint& found) {
     const std::lock_guard lock(mutex_);
-    const ParticipantKey key = key_of(found.endpoint);
-    if (key == own_ || others_.count == kMaxKnown || !known_.insert(key).second) return;
-    ++others_.count;
-    if (const auto at = tcp_places_.find(key); at != tcp_places_.end())
-      others_.tcp_places.insert(others_.tcp_places.end(), at->second.begin(), at->second.end());
+    if (key_of(found.endpoint) != own_) has_found_others_ = true;
   }
 
   using Tell = std::function<void(const BusOptions::Found&)>;
@@ -341,10 +328,8 @@ class DiscoveryListener : public FindingListener {
   const TopicNames names_;
   const Tell on_writer_, on_reader_;
   ParticipantKey own_{};
+  std::atomic<bool> has_found_others_ = false;
   std::mutex mutex_;
-  std::map<ParticipantKey, std::vector<sockaddr_in>> tcp_places_;  ///< of those that are there
-  std::set<ParticipantKey> known_;  ///< of whom endpoints were found, the first so many
-  FoundOthers others_;              ///< the same
   std::set<std::string> said_;
 };
 
@@ -464,9 +449,7 @@ Bus::~Bus() {
   if (is_own_) fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
 }
 
-std::optional<FoundOthers> Bus::found_others() const {
-  return is_own_ ? std::optional(discovery_->others()) : std::nullopt;
-}
+bool Bus::has_found_others() const { return !is_own_ || discovery_->has_found_others(); }
 
 /// Another session on the host's participant may have done so.
 void Bus::add_routes() {

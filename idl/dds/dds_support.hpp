@@ -267,8 +267,9 @@ class Bus {
   void tell_moved(const fdds::DataWriter& writer, const std::vector<std::string>& bodies);
   /// Of the participant; nullptr: a host's, without one.
   [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
-  /// Since this was opened, the first 256. None of a host's participant. Any thread.
-  [[nodiscard]] std::optional<FoundOthers> found_others() const;
+  /// Whether a writer or reader of another participant was ever found, since this was opened: one that only announces itself may not be
+  /// within reach. True of a host's participant. Any thread.
+  [[nodiscard]] bool has_found_others() const;
 
  private:
   Bus() = default;

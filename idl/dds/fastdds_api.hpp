@@ -48,13 +48,9 @@
 #include <fastrtps/utils/md5.h>
 #endif
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
@@ -192,29 +188,7 @@ struct FoundParticipant {
   Handle participant;
   std::string name;
   bool is_new = false, is_gone = false;
-  std::vector<sockaddr_in> tcp_places;  ///< where it says that it listens by TCP
 };
-template <class Locators>
-[[nodiscard]] std::vector<sockaddr_in> tcp_places_of(const Locators& locators) {
-  using namespace rtps;  // of 2.9 the kinds are macros
-  std::vector<sockaddr_in> places;
-  for (const auto& locator : locators) {
-    if (locator.kind != LOCATOR_KIND_TCPv4) continue;
-    sockaddr_in& place = places.emplace_back();
-    place.sin_family = AF_INET;
-    std::memcpy(&place.sin_addr, locator.address + 12, sizeof place.sin_addr);
-    place.sin_port = htons(IPLocator::getPhysicalPort(locator));
-  }
-  return places;
-}
-
-/// Those of whom a participant has found endpoints: who only announces itself may not be within reach.
-struct FoundOthers {
-  std::size_t count = 0;
-  std::vector<sockaddr_in> tcp_places;  ///< where they say that they listen
-};
-/// Whether a new participant makes new connections of TCP.
-inline constexpr bool kConnectsAgainByTcp = NEARMESH_FASTDDS == 2;
 
 /// What discovery tells of a reader or a writer.
 struct FoundEndpoint {
@@ -239,8 +213,7 @@ class FindingListener : public fdds::DomainParticipantListener {
     using Status = rtps::ParticipantDiscoveryStatus;
     participant_found({Handle(found.guid), found.participant_name.to_string(),
                        why == Status::DISCOVERED_PARTICIPANT,
-                       why == Status::REMOVED_PARTICIPANT || why == Status::DROPPED_PARTICIPANT,
-                       tcp_places_of(found.metatraffic_locators.unicast)});
+                       why == Status::REMOVED_PARTICIPANT || why == Status::DROPPED_PARTICIPANT});
   }
   void on_data_writer_discovery(fdds::DomainParticipant*, rtps::WriterDiscoveryStatus why,
                                 const fdds::PublicationBuiltinTopicData& found, bool&) final {
@@ -282,8 +255,7 @@ class FindingListener : public fdds::DomainParticipantListener {
     participant_found(
         {Handle(found.info.m_guid), found.info.m_participantName.to_string(),
          found.status == Info::DISCOVERED_PARTICIPANT,
-         found.status == Info::REMOVED_PARTICIPANT || found.status == Info::DROPPED_PARTICIPANT,
-         tcp_places_of(found.info.metatraffic_locators.unicast)});
+         found.status == Info::REMOVED_PARTICIPANT || found.status == Info::DROPPED_PARTICIPANT});
   }
   void on_publisher_discovery(fdds::DomainParticipant*, rtps::WriterDiscoveryInfo&& found) final {
     using Info = rtps::WriterDiscoveryInfo;

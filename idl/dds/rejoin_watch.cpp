@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
-#include <iterator>
 #include <limits>
 #include <new>
 
@@ -52,8 +51,8 @@ const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
   return nullptr;
 }
 
-bool DeafWatch::is_due(bool deaf, bool is_alone, double now_s) {
-  if (!deaf || (!is_alone && beside_others_ == kMostBesideOthers)) {
+bool DeafWatch::is_due(bool alone, double now_s) {
+  if (!alone) {
     since_s_.reset();
     return false;
   }
@@ -61,26 +60,7 @@ bool DeafWatch::is_due(bool deaf, bool is_alone, double now_s) {
   if (now_s - *since_s_ < wait_s_) return false;
   since_s_.reset();
   wait_s_ = std::min(2 * wait_s_, kLongest_s);
-  if (!is_alone) ++beside_others_;
   return true;
-}
-
-namespace {
-
-bool is_same(const sockaddr_in& one, const sockaddr_in& other) {
-  return one.sin_addr.s_addr == other.sin_addr.s_addr && one.sin_port == other.sin_port;
-}
-
-}  // namespace
-
-std::optional<sockaddr_in> deaf_place(const std::vector<sockaddr_in>& connected,
-                                      const FoundOthers& found) {
-  if (found.count >= connected.size()) return std::nullopt;
-  const auto deaf = std::find_if(connected.begin(), connected.end(), [&](const sockaddr_in& place) {
-    return std::none_of(found.tcp_places.begin(), found.tcp_places.end(),
-                        [&](const sockaddr_in& other) { return is_same(place, other); });
-  });
-  return deaf == connected.end() ? std::nullopt : std::optional(*deaf);
 }
 
 RejoinWatch::RejoinWatch(Mailbox& mailbox, const TransportOptions& options)
@@ -128,29 +108,11 @@ void RejoinWatch::watch(double lease_s) {
 }
 
 const std::string* RejoinWatch::deaf_peer(double now_s) {
-  std::optional<FoundOthers> others;
-  {
-    const std::lock_guard lock(others_mutex_);
-    others = others_;
-  }
-  std::optional<sockaddr_in> deaf;
-  // Others of Fast DDS 3.1 take no second connection from a port that they knew: whoever listens at one would lose those that it has found.
-  const bool may_disturb = kConnectsAgainByTcp && options_.listen_port == 0;
-  if (others && others->count < tcp_peers_.size() && (others->count == 0 || may_disturb)) {
-    std::vector<sockaddr_in> connected;
-    std::copy_if(tcp_peers_.begin(), tcp_peers_.end(), std::back_inserter(connected),
-                 is_connected_to);
-    deaf = deaf_place(connected, *others);
-  }
-  if (!deaf_.is_due(deaf.has_value(), others && others->count == 0, now_s)) return nullptr;
-  const auto at = std::find_if(tcp_peers_.begin(), tcp_peers_.end(),
-                               [&](const sockaddr_in& peer) { return is_same(peer, *deaf); });
-  return &options_.initial_peers[static_cast<std::size_t>(at - tcp_peers_.begin())];
-}
-
-void RejoinWatch::note_others(std::optional<FoundOthers> others) {
-  const std::lock_guard lock(others_mutex_);
-  others_ = std::move(others);
+  const bool alone = is_alone_;
+  const auto taken = alone ? std::find_if(tcp_peers_.begin(), tcp_peers_.end(), is_connected_to)
+                           : tcp_peers_.end();
+  if (!deaf_.is_due(taken != tcp_peers_.end(), now_s)) return nullptr;
+  return &options_.initial_peers[static_cast<std::size_t>(taken - tcp_peers_.begin())];
 }
 
 bool RejoinWatch::look(bool was_stopped, bool is_to_try_again, double now_s) {

@@ -47,28 +47,20 @@ class NetworkMemory {
 };
 
 /// Fast DDS 2.9 opens a connection of TCP and only then notes what it wants to reach by it. Where the other side is faster, it throws that
-/// one's first answer away, and never speaks through this connection (of peers that wait for a processor one in a hundred, and where the other side has
-/// 3.1 one in ten). A new participant makes new connections. Threads: one.
+/// one's first answer away, and never speaks through this connection (of peers that wait for a processor one in a hundred). A new
+/// participant makes a new connection. Threads: one.
 class DeafWatch {
  public:
   /// What is waited for the first time; then twice as long each time, up to kLongest_s, for whom nobody answers at all.
   static constexpr double kFirst_s = 6, kLongest_s = 60;
-  /// So often where others are found, since to join anew is a pause for them: perhaps what is there is no participant.
-  static constexpr int kMostBesideOthers = 2;
 
-  /// `deaf`: some connection is, since the participant was made. Out: true once after each wait.
-  [[nodiscard]] bool is_due(bool deaf, bool is_alone, double now_s);
+  /// `alone`: connected, and nobody was found since the participant was made. Out: true once after each wait.
+  [[nodiscard]] bool is_due(bool alone, double now_s);
 
  private:
   std::optional<double> since_s_;
   double wait_s_ = kFirst_s;
-  int beside_others_ = 0;
 };
-
-/// Of places that took connections, the first behind which nobody was found; none where as many were found as there are places: one that
-/// stands behind a relay tells other places, and one may have several.
-[[nodiscard]] std::optional<sockaddr_in> deaf_place(const std::vector<sockaddr_in>& connected,
-                                                    const FoundOthers& found);
 
 /// Three things make joining anew necessary. The whole process was stopped (debugger, suspended machine) for so long that others
 /// dropped it: with Fast DDS 2.9 it never missed the others, so it believes that they still have what it told them, and its
@@ -89,9 +81,9 @@ class RejoinWatch {
   /// is none, the mailbox has a line, and it will be due again. Out: true when all endpoints are new.
   template <class Bus, class Join>
   [[nodiscard]] bool rejoin_if_due(std::unique_ptr<Bus>& bus, Join join) {
-    if (!tcp_peers_.empty()) note_others(bus == nullptr ? std::nullopt : bus->found_others());
+    is_alone_ = bus != nullptr && !bus->has_found_others();
     if (!take_due()) return false;
-    note_others(std::nullopt);
+    is_alone_ = false;
     bus.reset();
     try {
       list_addresses_again();
@@ -111,8 +103,6 @@ class RejoinWatch {
   void watch(double lease_s);
   /// Out: it is due. Where there is no memory for it, it may be called again.
   [[nodiscard]] bool look(bool was_stopped, bool is_to_try_again, double now_s);
-  /// None: there is no participant of its own.
-  void note_others(std::optional<FoundOthers> others);
   /// The initial peer that took a connection through which nobody answers; nullptr: there is none.
   [[nodiscard]] const std::string* deaf_peer(double now_s);
 
@@ -121,8 +111,7 @@ class RejoinWatch {
   std::vector<sockaddr_in> tcp_peers_;  ///< as in options_.initial_peers; empty: not by TCP
   NetworkMemory network_;               ///< of the thread, once that runs
   DeafWatch deaf_;                      ///< of the thread
-  std::mutex others_mutex_;
-  std::optional<FoundOthers> others_;
+  std::atomic<bool> is_alone_ = false;
   std::atomic<bool> due_ = false;
   std::atomic<bool> again_ = false;
   std::mutex mutex_;

@@ -121,7 +121,7 @@ if [[ $what == *" tcp "* ]]; then
   bus+=(--transport tcp)
   of_publisher=(--listen-port 5100)
   of_peer1=(--listen-port 5101 --peer 127.0.0.1:5100)
-  of_peer2=(--peer 127.0.0.1:5100 --peer 127.0.0.1:5101)
+  of_peer2=(--listen-port 5102 --peer 127.0.0.1:5100 --peer 127.0.0.1:5101)
   fly_all tcp
 fi
 if [[ $what == *" discovery "* ]]; then

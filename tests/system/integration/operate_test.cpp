@@ -921,30 +921,6 @@ TEST_F(Operate, APeerWhoseConnectionIsDeafMakesAnother) {
   EXPECT_EQ(peer.wait(), 0) << peer.err();
 }
 
-// Somebody else is found through the other one.
-TEST_F(Operate, APeerOfWhoseTwoConnectionsOneIsDeafMakesBothAnew) {
-  write_scene(5);
-  Deaf deaf;
-  const std::string port = [] { return Deaf().port(); }();  // free again
-  const std::vector<std::string> tcp{"--transport", "tcp", "--interface", "127.0.0.1"};
-  std::vector<std::string> words = with({terrain()}, tcp);
-  words.insert(words.end(), {"--listen-port", port});
-  const auto ground = serve(words);
-  words = with({"run", folder.file("flight.yaml")}, tcp);
-  words.insert(words.end(), {"--peer", "127.0.0.1:" + port, "--peer", "127.0.0.1:" + deaf.port()});
-  Process peer(folder, "nearmesh-subscriber", words);
-  ASSERT_TRUE(deaf.take_one()) << peer.err();
-  if (peer.err().find("Fast DDS 3.") != std::string::npos)
-    GTEST_SKIP() << "Fast DDS 3.1 makes no other connection: docs/platforms.md";
-  words = with({aircraft()}, tcp);
-  words.insert(words.end(), {"--listen-port", deaf.port()});
-  const auto craft = serve(words);
-  EXPECT_TRUE(peer.says("127.0.0.1:" + deaf.port() +
-                        " took the connection, and nobody answers through it: joining again"))
-      << peer.err();
-  EXPECT_EQ(peer.wait(), 0) << peer.err();
-}
-
 // --- systemd
 
 TEST(SystemdUnit, IsAcceptedByItsChecker) {

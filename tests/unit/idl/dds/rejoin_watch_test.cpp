@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "idl/dds/rejoin_watch.hpp"
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -32,62 +31,26 @@ TEST(RejoinWatch, SaysItOnceMoreWhereJoiningAnewFailed) {
 
 TEST(DeafWatch, IsDueOnceAfterEachWaitThatGrows) {
   wire::DeafWatch watch;
-  EXPECT_FALSE(watch.is_due(true, true, 100));
-  EXPECT_FALSE(watch.is_due(true, true, 105.9));
-  EXPECT_TRUE(watch.is_due(true, true, 106));
-  EXPECT_FALSE(watch.is_due(true, true, 106.1));  // the next wait begins
-  EXPECT_FALSE(watch.is_due(true, true, 118));
-  EXPECT_TRUE(watch.is_due(true, true, 118.1));
+  EXPECT_FALSE(watch.is_due(true, 100));
+  EXPECT_FALSE(watch.is_due(true, 105.9));
+  EXPECT_TRUE(watch.is_due(true, 106));
+  EXPECT_FALSE(watch.is_due(true, 106.1));  // the next wait begins
+  EXPECT_FALSE(watch.is_due(true, 118));
+  EXPECT_TRUE(watch.is_due(true, 118.1));
   for (double now_s = 200, waited = 0; now_s < 1000 && waited < 3; now_s += 0.5)
-    if (watch.is_due(true, true, now_s)) ++waited;
-  EXPECT_FALSE(watch.is_due(true, true, 1000));
-  EXPECT_FALSE(watch.is_due(true, true, 1059));
-  EXPECT_TRUE(watch.is_due(true, true, 1060));
+    if (watch.is_due(true, now_s)) ++waited;
+  EXPECT_FALSE(watch.is_due(true, 1000));
+  EXPECT_FALSE(watch.is_due(true, 1059));
+  EXPECT_TRUE(watch.is_due(true, 1060));
 }
 
 TEST(DeafWatch, BeginsAnewWhereSomebodyWasFoundMeanwhile) {
   wire::DeafWatch watch;
-  EXPECT_FALSE(watch.is_due(true, true, 0));
-  EXPECT_FALSE(watch.is_due(false, true, 5));
-  EXPECT_FALSE(watch.is_due(true, true, 6));
-  EXPECT_FALSE(watch.is_due(true, true, 11.9));
-  EXPECT_TRUE(watch.is_due(true, true, 12));
-}
-
-TEST(DeafWatch, DisturbsThoseWhoAreFoundTwiceAtMost) {
-  wire::DeafWatch watch;
-  int due = 0;
-  for (double now_s = 0; now_s < 1000; now_s += 0.5)
-    due += watch.is_due(true, false, now_s) ? 1 : 0;
-  EXPECT_EQ(due, wire::DeafWatch::kMostBesideOthers);
-  for (double now_s = 1000; now_s < 1100; now_s += 0.5)
-    due += watch.is_due(true, true, now_s) ? 1 : 0;
-  EXPECT_GT(due, wire::DeafWatch::kMostBesideOthers) << "nobody is disturbed";
-}
-
-sockaddr_in place(std::uint16_t port) {
-  sockaddr_in out{};
-  out.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  out.sin_port = htons(port);
-  return out;
-}
-/// Its port; 0: none.
-int deaf_port(const std::vector<sockaddr_in>& connected, const wire::FoundOthers& found) {
-  const auto deaf = wire::deaf_place(connected, found);
-  return deaf ? ntohs(deaf->sin_port) : 0;
-}
-
-TEST(DeafPlace, IsThatBehindWhichNobodyWasFound) {
-  EXPECT_EQ(deaf_port({}, {}), 0);
-  EXPECT_EQ(deaf_port({place(1)}, {}), 1);
-  EXPECT_EQ(deaf_port({place(1), place(2)}, {1, {place(1)}}), 2);
-  EXPECT_EQ(deaf_port({place(1), place(2)}, {1, {place(2), place(7)}}), 1);
-  EXPECT_EQ(deaf_port({place(1), place(2)}, {2, {place(1), place(2)}}), 0);
-}
-
-TEST(DeafPlace, IsNoneOfARelayNorOfOneThatHasTwo) {
-  EXPECT_EQ(deaf_port({place(1)}, {1, {place(7)}}), 0) << "it tells another place than the relay's";
-  EXPECT_EQ(deaf_port({place(1), place(2)}, {1, {place(1), place(2)}}), 0);
+  EXPECT_FALSE(watch.is_due(true, 0));
+  EXPECT_FALSE(watch.is_due(false, 5));
+  EXPECT_FALSE(watch.is_due(true, 6));
+  EXPECT_FALSE(watch.is_due(true, 11.9));
+  EXPECT_TRUE(watch.is_due(true, 12));
 }
 
 const Interface kLoopback{"lo", "127.0.0.1", true, true, true, false};
