@@ -63,6 +63,10 @@ std::string read_all(int browser) {
   return came;
 }
 
+void send(LiveServer& server, const std::string& film, const std::string& text) {
+  server.send([&](const auto& visit) { visit("world", film); }, text, [] { return false; });
+}
+
 // It has a part of a message: the next one it would read as the rest of that, and each would wait for it again.
 TEST(LiveServer, WhoDoesNotReadIsLeft) {
   const std::uint16_t port = free_port();
@@ -70,19 +74,15 @@ TEST(LiveServer, WhoDoesNotReadIsLeft) {
   ASSERT_TRUE(server.is_ok()) << server.status().message();
   const int browser = sleeping_browser(port);
   const std::string film(std::size_t{32} << 20, 'x');  // more than any socket keeps
-  const auto send = [&](const std::string& text) {
-    server.value()->send([&](const auto& visit) { visit("world", film); }, text,
-                         [] { return false; });
-  };
   std::string came;
   const Stopwatch waiting;
   while (came.find("xxxx") == std::string::npos && waiting.seconds() < 100) {
-    send("first");  // where it is known already, until time is up
+    send(*server.value(), film, "first");  // where it is known already, until time is up
     came += read_all(browser);
   }
   ASSERT_NE(came.find("xxxx"), std::string::npos) << "no browser came";
   ASSERT_LT(came.size(), film.size());
-  send("later");
+  send(*server.value(), film, "later");
   EXPECT_EQ(read_all(browser).find("later"), std::string::npos);
   ::close(browser);
 }
@@ -97,19 +97,12 @@ TEST(LiveServer, WhoLooksIsToldThatTheStreamsBeginAnew) {
   const auto read_until = [&](const std::string& text) {
     const Stopwatch waiting;
     while (came.find(text) == std::string::npos && waiting.seconds() < 100) {
-      char bytes[4096];
-      const ssize_t count = ::recv(browser, bytes, sizeof bytes, MSG_DONTWAIT);
-      if (count > 0) came.append(bytes, static_cast<std::size_t>(count));
-      const auto send = [&](const std::string& film) {
-        server.value()->send([&](const auto& visit) { visit("world", film); }, "{}",
-                             [] { return false; });
-      };
-      send("a long film");
+      send(*server.value(), "a long film", "{}");
       if (text != "a long film") {
         server.value()->begin_anew();
-        send("short");
+        send(*server.value(), "short", "{}");
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      came += read_all(browser);
     }
     return came.find(text) != std::string::npos;
   };
