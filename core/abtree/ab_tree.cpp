@@ -1,22 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the tree follows a mesh that is refined here and made coarse there. (Slots from the inside: slots.cpp; what is above them: upper_tree.cpp.)
+// How the tree follows a mesh that is refined here and made coarse there. (Slots from the inside:
+// slots.cpp; what is above them: upper_tree.cpp.)
 //
-// 1. What hangs where. Take a model of two roots, [0..999] and [1000..1003], of which a good part is refined:
+// 1. What hangs where. Take a model of two roots, [0..999] and [1000..1003], of which a good part
+//    is refined:
 //
 //      node 0, lane 0
-//      the fixed tree over the roots             made once, by the constructor, with a tip for each root
+//      the fixed tree over the roots             made once, by the constructor: a tip for each root
 //         |                      |
 //      [0..999]               [1000..1003]       a tip, and a slot since it has at most 64 vertices
 //         |
-//      upper node of [0..999]                    its lanes: what became of [0..999], by first vertex, without gaps. The largest
-//        lane 0     lane 1      lane 2 ...  lane 7         is opened again and again until there are eight
+//      upper node of [0..999]
+//        lane 0     lane 1      lane 2 ...  lane 7
 //        [0..59]    [60..203]   [204..297]   [898..999]
-//        slot       not split   upper node   not split     of more than 64 vertices: unresolved nodes with their boxes
+//        slot       not split   upper node   not split
 //         |                      |
 //      micro tree               its lanes: what became of [204..297]
 //
-//    A *tip* is where the upper tree ends: a slot, or a larger node that is not split. Tips share out all vertices.
-//    tip_of_ finds the tip of an active vertex, Upper::first_vertices the way back from a lane.
+//    The lanes of an upper node are what became of its vertices, by first vertex, without gaps: the
+//    largest is opened again and again until there are eight. What is not split and has more than
+//    64 vertices is an unresolved node with its box.
+//
+//    A *tip* is where the upper tree ends: a slot, or a larger node that is not split. Tips share
+//    out all vertices. tip_of_ finds the tip of an active vertex, Upper::first_vertices the way
+//    back from a lane.
 //
 // 2. One slot from the inside. [128..191], where the splits 129, 130 and 134 are done:
 //
@@ -25,33 +32,38 @@
 //      resolved     1   1   0   0   0   0   0   0  ...  0     active, and so is the next
 //      node        [ ] [ ] [130 ..... 133] [134 .......191]   the last two are unresolved
 //
-//      micro tree   one node of four lanes, say:   8 exact faces | 5 exact faces | [130..133] | [134..191]
+//      micro tree   one node of four lanes, say:
+//                   8 exact faces | 5 exact faces | [130..133] | [134..191]
 //
-//    It holds those exact faces whose *home* is here, and the unresolved nodes with their boxes. The home of a face is the tip
-//    that has its right corner (SplitFace), so each face has one. Faces of the slot's own splits are found through the
-//    store. Faces of splits above stand in `inherited` of the tip that is their home; when a tip is split, they go
-//    with their right corner.
+//    It holds those exact faces whose *home* is here, and the unresolved nodes with their boxes.
+//    The home of a face is the tip that has its right corner (SplitFace), so each face has one.
+//    Faces of the slot's own splits are found through the store. Faces of splits above stand in
+//    `inherited` of the tip that is their home; when a tip is split, they go with their right
+//    corner.
 //
-// 3. Who watches whom. A face may have corners in other tips, and becomes exact when the last of its three is resolved. Its
-//    slot must hear of that. It would cost much to tell every slot around of every split, so a face names *one* corner
-//    that it waits for, as clauses of a SAT solver watch one literal: while that is missing the others do not matter.
-//    An exact face names all its corners elsewhere: a collapse may take any of them. "Slot 7 watches corners 3 and 5
-//    of mine" stands in `watchers` of the tip that has these corners.
+// 3. Who watches whom. A face may have corners in other tips, and becomes exact when the last of
+//    its three is resolved. Its slot must hear of that. It would cost much to tell every slot
+//    around of every split, so a face names *one* corner that it waits for, as clauses of a SAT
+//    solver watch one literal: while that is missing the others do not matter. An exact face names
+//    all its corners elsewhere: a collapse may take any of them. "Slot 7 watches corners 3 and 5 of
+//    mine" stands in `watchers` of the tip that has these corners.
 //
-// 4. When a slot is rebuilt. A split or collapse in it, or a box of one of its nodes that comes late, marks it `changed`. A
-//    corner that it watches only queues it: it counts its exact faces again and is rebuilt if there are more. (A corner
-//    that is lost marks it changed: as many faces may have come as went.) Rebuilt means: its exact faces are collected in the
-//    order of their keys and the micro tree is made anew (build.cpp). Some 20 faces take a few microseconds, and no
-//    order of arrival leaves a trace.
+// 4. When a slot is rebuilt. A split or collapse in it, or a box of one of its nodes that comes
+//    late, marks it `changed`. A corner that it watches only queues it: it counts its exact faces
+//    again and is rebuilt if there are more. (A corner that is lost marks it changed: as many faces
+//    may have come as went.) Rebuilt means: its exact faces are collected in the order of their
+//    keys and the micro tree is made anew (build.cpp). Some 20 faces take a few microseconds, and
+//    no order of arrival leaves a trace.
 //
-// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree, and its node is queued. Of a
-//    queued node the lane that it hangs in, one node up, is taken anew around all its lanes. Does it come out as it was,
-//    the way up ends there; else the node up there is queued too. The deepest node comes first, so each is looked at once,
-//    after all that changed below it. What lies far from a change is not read.
+// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree, and
+//    its node is queued. Of a queued node the lane that it hangs in, one node up, is taken anew
+//    around all its lanes. Does it come out as it was, the way up ends there; else the node up
+//    there is queued too. The deepest node comes first, so each is looked at once, after all that
+//    changed below it. What lies far from a change is not read.
 //
-// The shape follows from what is active, by rule 1, and the content of slots by rule 4. So a tree that followed
-// a replica equals one made from scratch, which the tests compare. Places in the arrays do depend on history;
-// therefore nothing that a query answers may depend on them.
+// The shape follows from what is active, by rule 1, and the content of slots by rule 4. So a tree
+// that followed a replica equals one made from scratch, which the tests compare. Places in the
+// arrays do depend on history; therefore nothing that a query answers may depend on them.
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 
 #include <algorithm>
@@ -92,7 +104,8 @@ AbTree::AbTree(const ActiveMesh& mesh)
   TreeEntry top = builder_->build(fixed);
   if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
   root_places_.resize(store.roots().size());
-  // Node 0 holds the root of all, so the nodes of the fixed tree come one place later than the builder put them.
+  // Node 0 holds the root of all, so the nodes of the fixed tree come one place later than the
+  // builder put them.
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
     arrays_.nodes[at].set(lane, part);
@@ -131,7 +144,7 @@ AbTree::AbTree(AbTree&&) noexcept = default;
 AbTree& AbTree::operator=(AbTree&&) noexcept = default;
 AbTree::~AbTree() = default;
 
-// ---- memory ---------------------------------------------------------------------------------------------------------
+// ---- memory -------------------------------------------------------------------------------------
 
 std::uint32_t AbTree::new_tip(NodeSpan node, TreePlace place) {
   std::uint32_t index;
@@ -181,7 +194,7 @@ void AbTree::free_micro_tree(TreePlace place) {
   arrays_.free_below(node.kind(place % kLanes), node.first[place % kLanes]);
 }
 
-// ---- following -------------------------------------------------------------------------------------------------------
+// ---- following ----------------------------------------------------------------------------------
 
 void AbTree::queue(std::uint32_t tip) {
   if (tips_[tip].queued) return;
@@ -194,8 +207,9 @@ void AbTree::mark_changed(std::uint32_t tip) {
   queue(tip);
 }
 
-// At these vertices of a tip it changed whether they are vertices of the full mesh. Who waits for one looks again, which
-// need not come to anything; where exact faces may be lost their number alone would not tell.
+// At these vertices of a tip it changed whether they are vertices of the full mesh. Who waits for
+// one looks again, which need not come to anything; where exact faces may be lost their number
+// alone would not tell.
 void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_lose) {
   for (const Watch& watch : tips_[index].watchers) {
     if ((watch.corners & corners) == 0) continue;
@@ -204,8 +218,8 @@ void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_los
   }
 }
 
-// First the shape above slots, and who is to be looked at; then slots; then bounds. Each of the three sees all that the one
-// before has done, so a slot with ten new splits is built once.
+// First the shape above slots, and who is to be looked at; then slots; then bounds. Each of the
+// three sees all that the one before has done, so a slot with ten new splits is built once.
 void AbTree::update(const RefineDelta& delta) {
   const FloatGuard guard;
   rebuilt_slots_ = rebuilt_faces_ = 0;
@@ -222,7 +236,8 @@ void AbTree::update(const RefineDelta& delta) {
     apply_box(node.left_of(u));
     apply_box(node.right_of(u));
   }
-  // A node's half-space is in the slab of its lane. It may have been split since: then its tip is looked at in vain.
+  // A node's half-space is in the slab of its lane. It may have been split since: then its tip is
+  // looked at in vain.
   for (const NodeSpan& node : delta.told_of) mark_changed(tip_of(node.first));
   for (const std::uint32_t tip : pending_) {
     const TreePlace place = tips_[tip].place;
@@ -242,7 +257,8 @@ void AbTree::update(const RefineDelta& delta) {
   refit();
 }
 
-// What will be read of a slot, while another is looked at: no other effect. A quarter of the time would go by waiting.
+// What will be read of a slot, while another is looked at: no other effect. A quarter of the time
+// would go by waiting.
 void AbTree::fetch_slot(std::uint32_t tip) {
   const Tip& slot = tips_[tip];
   if (!slot.is_slot() || slot.node.size == 0) return;
@@ -274,7 +290,8 @@ bool AbTree::refit_lane(TreePlace place) {
   TreeNode& node = arrays_.nodes[place / kLanes];
   const std::uint32_t lane = place % kLanes;
   const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
-  // An inner lane with nothing below it counts as empty for queries, but keeps leading to its node: more may come there.
+  // An inner lane with nothing below it counts as empty for queries, but keeps leading to its node:
+  // more may come there.
   if (entry.box.is_empty()) {
     const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
     return node.lanes != before;
@@ -284,10 +301,11 @@ bool AbTree::refit_lane(TreePlace place) {
   return true;
 }
 
-// Boxes and slabs of the lanes above those that changed, lowest first: the heap gives the greatest order. A lane that
-// comes out as it was queues nothing, and there the way up ends.
+// Boxes and slabs of the lanes above those that changed, lowest first: the heap gives the greatest
+// order. A lane that comes out as it was queues nothing, and there the way up ends.
 void AbTree::refit() {
-  // Micro trees were written a while ago by now: to read back what has just been written would stall.
+  // Micro trees were written a while ago by now: to read back what has just been written would
+  // stall.
   for (const TreePlace place : micro_roots_) refit_lane(place);
   micro_roots_.clear();
   while (!refits_.empty()) {
@@ -301,7 +319,8 @@ void AbTree::refit() {
   }
 }
 
-// A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
+// A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew
+// would.
 void AbTree::apply_box(NodeSpan node) {
   const SplitStore& store = mesh_->store();
   if (node.size < 2) return;
@@ -310,7 +329,8 @@ void AbTree::apply_box(NodeSpan node) {
     mark_changed(first);
     return;
   }
-  // Down through larger nodes: also tips further down had that ancestor's box, unless one between has its own.
+  // Down through larger nodes: also tips further down had that ancestor's box, unless one between
+  // has its own.
   std::vector<NodeSpan> stack{node};
   while (!stack.empty()) {
     const NodeSpan span = stack.back();

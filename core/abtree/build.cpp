@@ -53,7 +53,8 @@ void TreeBuilder::add_unresolved(NodeSpan node, const GridBox& box, const Slab& 
   entry.set(TreeEntry::Kind::kUnresolved, node.begin(), node.size);
 }
 
-/// Puts the `middle` parts with the least centres along the longest axis first, as least_parts() does for few.
+/// Puts the `middle` parts with the least centres along the longest axis first, as least_parts()
+/// does for few.
 void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::array<std::int32_t, 3> lo = parts.front().center, hi = lo;
   for (const Part& part : parts)
@@ -90,7 +91,8 @@ void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
             parts.begin() + static_cast<std::ptrdiff_t>(left));
 }
 
-/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
+/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within
+/// each.
 template <class Emit>
 void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emit) {
   if (groups < 2) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The builder shared by micro trees in slots and trees over fixed triangles: faces are cut into blocks of up to eight,
-// blocks and unresolved nodes into nodes of up to eight lanes, each time by medians along the longest axis of the centres,
-// so that blocks and the lowest nodes are nearly full. A slot that changes has some 20 faces, so the cut must be cheap
-// rather than clever; measured in ARCHITECTURE.md.
+// The builder shared by micro trees in slots and trees over fixed triangles: faces are cut into
+// blocks of up to eight, blocks and unresolved nodes into nodes of up to eight lanes, each time by
+// medians along the longest axis of the centres, so that blocks and the lowest nodes are nearly
+// full. A slot that changes has some 20 faces, so the cut must be cheap rather than clever;
+// measured in ARCHITECTURE.md.
 
 #include <vector>
 
@@ -11,11 +12,13 @@
 
 namespace nearmesh {
 
-/// The entry of an inner node: a box and a slab around all its lanes; both empty where all lanes are.
+/// The entry of an inner node: a box and a slab around all its lanes; both empty where all lanes
+/// are.
 [[nodiscard]] TreeEntry inner_entry(const TreePages<TreeNode>& nodes, std::uint32_t place);
 
 /// Builds one tree after another, keeping its memory.
-/// The tree depends on the order in which faces and nodes are added, which must not depend on history.
+/// The tree depends on the order in which faces and nodes are added, which must not depend on
+/// history.
 class TreeBuilder {
  public:
   void clear();
@@ -26,8 +29,9 @@ class TreeBuilder {
     return faces_.data();
   }
   void add_unresolved(NodeSpan node, const GridBox& box, const Slab& slab = {});
-  /// Makes the tree in place, parents before children, and returns its root, but for its box and slab if that is an inner
-  /// entry: inner_entry() finds them, and sooner when what was written here has had time to reach the cache.
+  /// Makes the tree in place, parents before children, and returns its root, but for its box and
+  /// slab if that is an inner entry: inner_entry() finds them, and sooner when what was written
+  /// here has had time to reach the cache.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);
 
  private:
@@ -46,8 +50,8 @@ class TreeBuilder {
   std::size_t face_count_ = 0;
   std::vector<FaceBlock> faces_;  // the first so many
   std::vector<TreeEntry> lanes_;
-  std::vector<std::pair<std::uint32_t, TreePlace>>
-      inner_;  // nodes but for the top, and where they hang
+  // Nodes but for the top, and where they hang.
+  std::vector<std::pair<std::uint32_t, TreePlace>> inner_;
   std::vector<Part> parts_, right_parts_;
   std::vector<std::uint32_t> offsets_;
 };

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Medians of few parts in vectors: each part is held against each other one, which for up to 64 costs less than to sort
-// them, and no branch depends on the data. Parts are the bits of a word, so that to divide them moves nothing.
+// Medians of few parts in vectors: each part is held against each other one, which for up to 64
+// costs less than to sort them, and no branch depends on the data. Parts are the bits of a word, so
+// that to divide them moves nothing.
 
 #include <cstdint>
 #include <span>
@@ -18,14 +19,14 @@ struct PartCenters {
 };
 /// Sets the centres of eight triangles, from `first` on.
 void set_centers(const TriangleLanes& triangles, std::uint32_t first, PartCenters& centers);
-/// Of the parts whose bits are set, the `count` with the least centres along the longest axis of all their centres.
-/// Equal centres are as good on either side, but must fall the same way everywhere: lower bits are less. Of extents of 2^25
-/// and more only the upper 25 bits count.
+/// Of the parts whose bits are set, the `count` with the least centres along the longest axis of
+/// all their centres. Equal centres are as good on either side, but must fall the same way
+/// everywhere: lower bits are less. Of extents of 2^25 and more only the upper 25 bits count.
 /// Precondition: 0 < count < bits that are set.
 [[nodiscard]] std::uint64_t least_parts(const PartCenters& centers, std::uint64_t parts,
                                         std::uint32_t count);
-/// The number that `n` of them stand before when they are sorted. No branch depends on the data. Precondition: n < their
-/// count.
+/// The number that `n` of them stand before when they are sorted. No branch depends on the data.
+/// Precondition: n < their count.
 [[nodiscard]] std::uint32_t nth_least(std::span<const std::uint32_t> numbers, std::size_t n);
 
 }  // namespace nearmesh

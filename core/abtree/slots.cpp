@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them. A picture of one
-// slot, and who watches whom, stand at the top of ab_tree.cpp.
-// A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
-// woken by one of its missing corners only, an exact one by any that it may lose.
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over
+// them. A picture of one slot, and who watches whom, stand at the top of ab_tree.cpp.
+// A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face
+// that is not exact yet is woken by one of its missing corners only, an exact one by any that it
+// may lose.
 
 #include <algorithm>
 #include <bit>
@@ -25,7 +26,8 @@ void AbTree::look_at(std::uint32_t index) {
   if (tip.is_slot()) {
     fetch_micro_tree(tip.place);
     find_exact_faces(index);
-    // Not marked as changed, it was woken by a corner that has come: then faces were only gained, and their number tells.
+    // Not marked as changed, it was woken by a corner that has come: then faces were only gained,
+    // and their number tells.
     if (changed || exact_count_ != tip.exact_count) build_micro_tree(index);
     return;
   }
@@ -36,7 +38,8 @@ void AbTree::look_at(std::uint32_t index) {
   set_entry(tip.place, unresolved);
 }
 
-// A lane has one slab: of the node's half-spaces the one that cuts most off its box, and the box on the other side.
+// A lane has one slab: of the node's half-spaces the one that cuts most off its box, and the box on
+// the other side.
 Slab AbTree::slab_of(NodeSpan node, const GridBox& box) const {
   Slab slab;
   std::int64_t most = 0;
@@ -94,15 +97,17 @@ void AbTree::watch(std::uint32_t tip, std::uint32_t watcher, VertexBits corners)
   watchers.push_back({watcher, corners});
 }
 
-// Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
+// Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits
+// from its first vertex.
 AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
   const std::uint64_t active =
       mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
   return {active, active & mesh_->active_bits({slot.begin() + 1})};
 }
 
-// By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
-// or another corner in the slot is missing there is nothing to wait for elsewhere.
+// By key, so that the tree does not depend on the order of arrival. A face's home is its right
+// corner's slot: while that or another corner in the slot is missing there is nothing to wait for
+// elsewhere.
 void AbTree::find_exact_faces(std::uint32_t index) {
   const NodeSpan slot = tips_[index].node;
   const SlotBits bits = bits_of(slot);
@@ -145,8 +150,9 @@ void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
             [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
 }
 
-// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, and so
-// is how many a split has: two are put down for each, and counted where they are there and exact.
+// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is
+// hard to foretell, and so is how many a split has: two are put down for each, and counted where
+// they are there and exact.
 void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
   const ActiveMesh& mesh = *mesh_;
   const SplitStore& store = mesh.store();
@@ -213,7 +219,8 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     }
     block.keys[i % kLanes] = exact_faces_[i].key;
     around.add(box);
-    // Of each corner the node's box was to enclose the face: here all faces at once, elsewhere each.
+    // Of each corner the node's box was to enclose the face: here all faces at once, elsewhere
+    // each.
     for (const VertexId corner : corners)
       if (!slot.node.contains(corner)) check_bounds(tip_of(corner), box);
   }
@@ -221,7 +228,8 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
-    // The node of an active vertex ends where the next active one begins. By two shifts: one by 64 is undefined.
+    // The node of an active vertex ends where the next active one begins. By two shifts: one by 64
+    // is undefined.
     const std::uint64_t after = bits.active >> offset >> 1;
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
                                           : slot.node.size - offset;

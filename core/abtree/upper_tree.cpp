@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The upper tree: from the roots of the forest down to the tips, slots and larger nodes that are not split (ab_tree.cpp, 1).
+// The upper tree: from the roots of the forest down to the tips, slots and larger nodes that are
+// not split (ab_tree.cpp, 1).
 #include <algorithm>
 #include <memory>
 #include <utility>
@@ -21,7 +22,8 @@ void copy_lane(const TreeNode& from, std::uint32_t lane, TreeNode& to, std::uint
   to.kind_and_count[to_lane] = kind_and_count;
 }
 
-// Of an upper node: the first vertices of its lanes, by which these share out a node of the forest. kNone is greater than any vertex.
+// Of an upper node: the first vertices of its lanes, by which these share out a node of the forest.
+// kNone is greater than any vertex.
 using FirstVertices = std::array<std::uint32_t, kLanes>;
 
 std::uint32_t lane_of(const FirstVertices& firsts, VertexId vertex) {
@@ -58,7 +60,8 @@ std::uint32_t AbTree::new_upper(TreePlace parent, NodeSpan node) {
   return place;
 }
 
-// A new one, in that lane. Its box there is the node's until refit(), which its own lanes will bring.
+// A new one, in that lane. Its box there is the node's until refit(), which its own lanes will
+// bring.
 std::uint32_t AbTree::hang_upper(TreePlace place, NodeSpan node) {
   const std::uint32_t fresh = new_upper(place, node);
   TreeEntry inner;
@@ -80,8 +83,8 @@ std::uint32_t AbTree::tip_at(TreePlace place) const {
   return tips_[tip].place == place ? tip : kNone;
 }
 
-// Lanes of an upper node have no gaps, so the first without a vertex ends them. (A lane with a vertex may still be empty: a
-// slot without an unresolved node that is home to no exact face.)
+// Lanes of an upper node have no gaps, so the first without a vertex ends them. (A lane with a
+// vertex may still be empty: a slot without an unresolved node that is home to no exact face.)
 std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
   std::uint32_t count = 0;
   while (count < kLanes && upper(tree_node).first_vertices[count] != kNone) ++count;
@@ -120,10 +123,11 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   return at;
 }
 
-// ---- packing --------------------------------------------------------------------------------------------------------
+// ---- packing ------------------------------------------------------------------------------------
 
-// How a node of the forest is shared out among eight lanes: the largest that is split further is opened, the first of equals, until there
-// are eight. So the cut follows from what is active, whichever came first.
+// How a node of the forest is shared out among eight lanes: the largest that is split further is
+// opened, the first of equals, until there are eight. So the cut follows from what is active,
+// whichever came first.
 AbTree::Cut AbTree::cut(NodeSpan node) const {
   const SplitStore& store = mesh_->store();
   Cut cut{{node}, 1};
@@ -159,7 +163,8 @@ void AbTree::loosen(std::uint32_t tree_node) {
   loose_.push_back(tree_node);
 }
 
-// The upper nodes whose lanes may be others now, from above: packed anew, one takes in what was below it.
+// The upper nodes whose lanes may be others now, from above: packed anew, one takes in what was
+// below it.
 void AbTree::pack_loose() {
   std::erase_if(loose_, [this](std::uint32_t at) { return upper_of_[at] == kNone; });
   std::sort(loose_.begin(), loose_.end(), [this](std::uint32_t one, std::uint32_t other) {
@@ -177,7 +182,8 @@ struct AbTree::Packing {
   TreeNode node;  // and its lanes' first vertices, as they were
   std::array<std::uint32_t, kLanes> first_vertices;
   std::vector<std::uint32_t> gone;  // upper nodes
-  /// Whose lanes are to be filled, and the upper node that had its node of the forest opened: what stood below is found from there.
+  /// Whose lanes are to be filled, and the upper node that had its node of the forest opened: what
+  /// stood below is found from there.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> unfilled;
 };
 
@@ -195,8 +201,9 @@ void AbTree::pack(std::uint32_t tree_node) {
   for (const std::uint32_t gone : packing.gone) free_upper(gone);
 }
 
-// Each lane takes over what stood for its node: a tip with what hangs in it, or an upper node with all below. Where nothing did, since its
-// node was opened, a new upper node takes over what is below.
+// Each lane takes over what stood for its node: a tip with what hangs in it, or an upper node with
+// all below. Where nothing did, since its node was opened, a new upper node takes over what is
+// below.
 void AbTree::fill(std::uint32_t tree_node, const Cut& cut, std::uint32_t opened_in,
                   Packing& packing) {
   for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
@@ -224,7 +231,8 @@ void AbTree::fill(std::uint32_t tree_node, const Cut& cut, std::uint32_t opened_
   queue_refit(tree_node);
 }
 
-// What hung in a lane hangs in another now. The upper node that had it goes, with those above it, up to the one that is packed.
+// What hung in a lane hangs in another now. The upper node that had it goes, with those above it,
+// up to the one that is packed.
 void AbTree::take_over(TreePlace from, TreePlace to, Packing& packing) {
   const std::uint32_t before = from / kLanes;
   copy_lane(before == packing.top ? packing.node : arrays_.nodes[before], from % kLanes,
@@ -234,7 +242,8 @@ void AbTree::take_over(TreePlace from, TreePlace to, Packing& packing) {
     packing.gone.push_back(at);
 }
 
-// The upper node of a node of the forest, as it was before, kNone where that was opened; and the one above it, or in which it was.
+// The upper node of a node of the forest, as it was before, kNone where that was opened; and the
+// one above it, or in which it was.
 std::pair<std::uint32_t, std::uint32_t> AbTree::find_upper(NodeSpan node, std::uint32_t from,
                                                            const Packing& packing) const {
   for (std::uint32_t at = from;;) {
@@ -249,13 +258,14 @@ std::pair<std::uint32_t, std::uint32_t> AbTree::find_upper(NodeSpan node, std::u
   }
 }
 
-// ---- splits and collapses -------------------------------------------------------------------------------------------
+// ---- splits and collapses -----------------------------------------------------------------------
 
 void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
   const std::uint32_t left = tip_of(node.first);
-  // Within a slot the shape above stays. Others wait for vertices that this split has resolved, if any.
+  // Within a slot the shape above stays. Others wait for vertices that this split has resolved, if
+  // any.
   if (tips_[left].is_slot()) {
     set_tip_of(u, left);
     mark_changed(left);
@@ -271,7 +281,8 @@ void AbTree::apply_split(VertexId u) {
   tips_[left].watchers.clear();
   const TreePlace place = tips_[left].place;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
-  // The lane is parted in two where there is room; else a tree node is hung below it, until those that are full are packed anew.
+  // The lane is parted in two where there is room; else a tree node is hung below it, until those
+  // that are full are packed anew.
   const std::uint32_t lanes = upper(at).node.size == 0 ? kLanes : lane_count(at);
   if (lanes == kLanes) {
     loosen(at);
@@ -289,7 +300,8 @@ void AbTree::apply_split(VertexId u) {
   tips_[left].place = at * kLanes + lane;
   if (tips_[left].is_slot()) ++slot_total_;
   set_tip_of(u, right);
-  // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
+  // Faces go with their home vertex, the right corner: that of the new ones lies in the right
+  // child.
   std::vector<FaceKey>& stay = tips_[left].inherited;
   std::vector<FaceKey>& go = tips_[right].inherited;
   const auto gone = std::partition(stay.begin(), stay.end(),

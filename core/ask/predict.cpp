@@ -129,8 +129,9 @@ class Sweep {
   }
 
  private:
-  // Own nodes down to so much of the size of the other's unresolved nodes are asked for: finer ones would be tested against
-  // boxes that are about to shrink. Below 1, so that two bodies never wait for each other.
+  // Own nodes down to so much of the size of the other's unresolved nodes are asked for: finer ones
+  // would be tested against boxes that are about to shrink. Below 1, so that two bodies never wait
+  // for each other.
   static constexpr double kFinest = 0.5;
   static constexpr int kPartDepth = 1;
   // In own's model frame, metres; halves along the other's axes.
@@ -227,8 +228,8 @@ class Sweep {
 
 // ---- what an answer brings ----------------------------------------------------------------------
 
-// A part takes 17 bytes of a request, a split some 9 of a small answer, its share of datagrams included: with one part for so
-// many splits a small request weighs no more than its answer.
+// A part takes 17 bytes of a request, a split some 9 of a small answer, its share of datagrams
+// included: with one part for so many splits a small request weighs no more than its answer.
 constexpr double kSplitsPerPart = 2;
 
 // Where a part reaches.
@@ -241,8 +242,8 @@ GridBox reach_of(const RegionPart& part) {
   return reach;
 }
 
-// Splits to expect below a node of so many vertices where a region reaches into its box: nodes k levels down are 2^k, spread
-// evenly, of 2^(-k/2) times its size.
+// Splits to expect below a node of so many vertices where a region reaches into its box: nodes k
+// levels down are 2^k, spread evenly, of 2^(-k/2) times its size.
 double expected_splits(const GridBox& box, std::uint32_t vertices, const GridBox& reach,
                        std::int32_t min_extent) {
   std::array<double, 3> share;
@@ -276,8 +277,8 @@ double expected_splits(const GridBox& box, std::uint32_t vertices,
   return sum > 0 ? std::min(sum, expected_splits(box, vertices, whole, least)) : 0;
 }
 
-// Of the nodes that a region asks for, those in the order of their ids of which `max_splits` are expected; one at least.
-// Neighbours by id are neighbours in space.
+// Of the nodes that a region asks for, those in the order of their ids of which `max_splits` are
+// expected; one at least. Neighbours by id are neighbours in space.
 void keep_whole_nodes(const SplitStore& store, std::span<const RegionPart> region,
                       std::uint32_t max_splits, std::vector<NodeSpan>& nodes) {
   const auto expected = [&](const NodeSpan& node) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Three numbers and the matrices that turn them, in doubles, for where bodies will be: each operation as it is written.
+// Three numbers and the matrices that turn them, in doubles, for where bodies will be: each
+// operation as it is written.
 
 #include <algorithm>
 #include <array>

@@ -67,7 +67,8 @@ Forest number_forest(const GridMesh& mesh, const std::vector<Collapse>& log) {
   std::uint32_t next = 0;
   for (const std::uint32_t root : roots) {
     forest.roots.push_back(next);
-    // Depth first without a stack: down to the first child, else to the next sibling of the nearest ancestor with one.
+    // Depth first without a stack: down to the first child, else to the next sibling of the nearest
+    // ancestor with one.
     for (std::uint32_t v = root;;) {
       const std::uint32_t id = next++;
       forest.id_of[v] = id;
@@ -100,7 +101,8 @@ Corners corners_of(const GridMesh& mesh, const Forest& forest, std::size_t face)
   return corners;
 }
 
-// Each face appears with the deepest of the splits that part its corners; the third corner is then outside the node.
+// Each face appears with the deepest of the splits that part its corners; the third corner is then
+// outside the node.
 struct Owner {
   VertexId split;        // none: a base face
   std::uint8_t odd = 2;  // the corner outside
@@ -138,7 +140,8 @@ OwnedFace own_face(const Corners& corners, std::uint32_t odd, FaceId number) {
   return owned;
 }
 
-// Faces in canonical order: base faces, then by split; unflipped before flipped, as the codec writes them.
+// Faces in canonical order: base faces, then by split; unflipped before flipped, as the codec
+// writes them.
 struct OwnedFaces {
   std::vector<std::uint32_t> begin;  // of the base faces, then of those of each id, then the end
   std::vector<SplitFace> faces;
@@ -221,8 +224,8 @@ NodeBoxes bound_nodes(const GridMesh& mesh, const Forest& forest,
   }
   boxes.left.resize(n, kNoBox);
   boxes.right.resize(n, kNoBox);
-  // A vertex's children have higher ids, and the one that merged into it first the lowest: nodes grow as they were
-  // merged, and what lies together in memory is done together.
+  // A vertex's children have higher ids, and the one that merged into it first the lowest: nodes
+  // grow as they were merged, and what lies together in memory is done together.
   for (std::size_t v = n; v-- > 0;) {
     const std::size_t end = v + forest.size[v];
     for (std::size_t u = v + 1; u < end; u += forest.size[u]) {
@@ -279,7 +282,8 @@ Status check_split_sizes(const SpmHeader& header, const SplitStore& store) {
   return Status::ok();
 }
 
-// Every split, parents before children and what lies together one after the other: depth first, larger ids first.
+// Every split, parents before children and what lies together one after the other: depth first,
+// larger ids first.
 Status fill_store(const Forest& forest, const std::vector<GridPoint>& position,
                   const NodeBoxes& boxes, const OwnedFaces& owned, SplitStore& store) {
   std::vector<std::uint32_t> children, stack;

@@ -9,8 +9,8 @@
 
 namespace nearmesh {
 
-// Typical requests: cubes of many sizes around random vertices. Every eighth stored block of a large model is enough to
-// learn what blocks look like, and keeps requests from being drowned.
+// Typical requests: cubes of many sizes around random vertices. Every eighth stored block of a
+// large model is enough to learn what blocks look like, and keeps requests from being drowned.
 TrainingCounts count_typical(const SpmHeader& header, const SplitStore& store) {
   TrainingCounts counts(static_cast<std::size_t>(coding_context_count()));
   std::size_t splits = 0;

@@ -6,7 +6,8 @@
 
 namespace nearmesh {
 
-/// Counts what stored blocks and typical requests use. In: a complete store; header.tables are not read.
+/// Counts what stored blocks and typical requests use. In: a complete store; header.tables are not
+/// read.
 [[nodiscard]] TrainingCounts count_typical(const SpmHeader& header, const SplitStore& store);
 
 }  // namespace nearmesh

@@ -10,10 +10,12 @@
 
 namespace nearmesh {
 
-/// Comma-separated text whose first line names the columns; cells stay text until they are asked for.
+/// Comma-separated text whose first line names the columns; cells stay text until they are asked
+/// for.
 class CsvTable {
  public:
-  /// Errors: kIo with the path; kInvalidArgument with path and line where a row's cell count differs from the header's.
+  /// Errors: kIo with the path; kInvalidArgument with path and line where a row's cell count
+  /// differs from the header's.
   [[nodiscard]] static Result<CsvTable> read(const std::string& path);
 
   [[nodiscard]] std::size_t row_count() const { return rows_.size(); }

@@ -18,8 +18,8 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-// What a digest begins with says what it is of, so that no inner node is ever a leaf. A header needs none: it begins with
-// its magic number.
+// What a digest begins with says what it is of, so that no inner node is ever a leaf. A header
+// needs none: it begins with its magic number.
 constexpr std::uint8_t kLeaf = 0, kInner = 1;
 
 struct FreeContext {
@@ -27,7 +27,8 @@ struct FreeContext {
 };
 using Context = std::unique_ptr<EVP_MD_CTX, FreeContext>;
 
-/// Looks the algorithm up each time, a microsecond, as a host's process shall hold no state of ours.
+/// Looks the algorithm up each time, a microsecond, as a host's process shall hold no state of
+/// ours.
 ContentHash digest(std::initializer_list<Bytes> parts) {
   const Context context(EVP_MD_CTX_new());
   std::array<std::uint8_t, 32> out{};

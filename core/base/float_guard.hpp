@@ -1,38 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The floating-point environment that our arithmetic is proved for, whatever the host's is: a host may round otherwise,
-// flush small numbers to zero or let exceptions trap, and the bits of an answer would follow.
+// The floating-point environment that our arithmetic is proved for, whatever the host's is: a host
+// may round otherwise, flush small numbers to zero or let exceptions trap, and the bits of an
+// answer would follow.
 
 #include <cfenv>
 #include <cstdint>
 
 namespace nearmesh {
 
-/// While it lives: round to nearest, no exception traps, nothing is flushed to zero. Then the environment, the flags of
-/// exceptions included, is again as it was found. One stands at the top of each function that a host calls and that
-/// computes, and of each thread; nesting costs a few nanoseconds. What we call back runs in our environment.
-/// A number that such a function returns goes through keep(): `return guard.keep(sum);`
+/// While it lives: round to nearest, no exception traps, nothing is flushed to zero. Then the
+/// environment, the flags of exceptions included, is again as it was found. One stands at the top
+/// of each function that a host calls and that computes, and of each thread; nesting costs a few
+/// nanoseconds. What we call back runs in our environment. A number that such a function returns
+/// goes through keep(): `return guard.keep(sum);`
 class FloatGuard {
  public:
   FloatGuard(const FloatGuard&) = delete;
   FloatGuard& operator=(const FloatGuard&) = delete;
 
-  /// The number, computed by now. What is returned in a register is no business of "memory" below: clang takes the last
-  /// steps towards it out of the guarded lines.
+  /// The number, computed by now. What is returned in a register is no business of "memory" below:
+  /// clang takes the last steps towards it out of the guarded lines.
   [[nodiscard]] double keep(double number) const {
     asm volatile("" : "+m"(number) : : "memory");
     return number;
   }
 
 #if defined(__x86_64__)
-  // By hand, as fegetenv() and fesetenv() take ten times as long. "memory": what is computed before and after stays there.
+  // By hand, as fegetenv() and fesetenv() take ten times as long. "memory": what is computed before
+  // and after stays there.
   FloatGuard() {
     asm volatile("stmxcsr %0" : "=m"(vector_) : : "memory");
     if ((vector_ & ~kFlags) != kVectorPlain) load(kVectorPlain);
-    // Nothing of ours computes on the old unit, but the C library looks there for how to round what it reads and prints.
+    // Nothing of ours computes on the old unit, but the C library looks there for how to round what
+    // it reads and prints.
     asm volatile("fnstcw %0" : "=m"(old_unit_) : : "memory");
     if (old_unit_ != kOldUnitPlain) {
-      // An exception that the host has raised there and then let trap would trap at the first step that waits for it, fldcw.
+      // An exception that the host has raised there and then let trap would trap at the first step
+      // that waits for it, fldcw.
       const std::uint16_t plain = kOldUnitPlain;
       asm volatile("fnstenv %0\n\tfnclex\n\tfldcw %1"
                    : "=m"(old_environment_)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A map of bounded size: in weeks more come and go than shall be kept, and what was used longest ago makes room.
+// A map of bounded size: in weeks more come and go than shall be kept, and what was used longest
+// ago makes room.
 
 #include <cstddef>
 #include <cstdint>
@@ -12,8 +13,9 @@
 
 namespace nearmesh {
 
-/// Pinned entries never make room. Entries may be of groups, each bounded as well, so that none takes all of the map. Where there is
-/// no memory put() throws std::bad_alloc, and the key has nothing. Threads: one at a time.
+/// Pinned entries never make room. Entries may be of groups, each bounded as well, so that none
+/// takes all of the map. Where there is no memory put() throws std::bad_alloc, and the key has
+/// nothing. Threads: one at a time.
 template <class Key, class Value, class Group = std::monostate>
 class LruMap {
  public:
@@ -21,8 +23,9 @@ class LruMap {
       : most_of_group_(most_of_group), most_(most) {}
   explicit LruMap(std::size_t most) : LruMap(most, most) {}
 
-  /// In the place of what the key had: unpinned, used just now. Where its group is full one of that makes room, else where all is full
-  /// one of any group. Null where those are all pinned: then the key has nothing.
+  /// In the place of what the key had: unpinned, used just now. Where its group is full one of that
+  /// makes room, else where all is full one of any group. Null where those are all pinned: then the
+  /// key has nothing.
   Value* put(const Key& key, Value value, const Group& group = {}) {
     erase(key);
     const auto of_group = groups_.find(group);

@@ -59,8 +59,9 @@ std::string descriptor_path(int descriptor) {
   return "/proc/self/fd/" + std::to_string(descriptor);
 }
 
-/// A file in the folder that has no name yet, so that nothing of it is left where the process is killed. Out: below 0 where there is no such
-/// thing: in file systems as NFS and FAT, and without /proc, where it could not be named later.
+/// A file in the folder that has no name yet, so that nothing of it is left where the process is
+/// killed. Out: below 0 where there is no such thing: in file systems as NFS and FAT, and without
+/// /proc, where it could not be named later.
 int open_unnamed(const fs::path& folder) {
   const int descriptor =
       ::open(folder.empty() ? "." : folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
@@ -69,7 +70,8 @@ int open_unnamed(const fs::path& folder) {
   return -1;
 }
 
-/// Files that wait for others hold a quarter of the process's descriptors at most: of these it has few.
+/// Files that wait for others hold a quarter of the process's descriptors at most: of these it has
+/// few.
 bool may_be_held(int descriptor) {
   rlimit limit{};
   return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 &&

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The one way in which a file that a user named is written: beside its place and renamed, so that a failure leaves what was
-// there, and never over the input or over a file of another kind. (Recordings never replace a file; folders of identities
-// have rules of their own.)
+// The one way in which a file that a user named is written: beside its place and renamed, so that a
+// failure leaves what was there, and never over the input or over a file of another kind.
+// (Recordings never replace a file; folders of identities have rules of their own.)
 
 #include <cstdio>
 #include <string>
@@ -21,24 +21,27 @@ struct FileKind {
 };
 inline constexpr FileKind kPlyFile{"a PLY file", "ply"};
 
-/// May `path` be written as a file of this kind? Nothing is there, or an empty file, or one of this kind that is none of
-/// `inputs` under any name; or a pipe or a device such as /dev/stdout, which is written into as it is. For a long command,
-/// before it begins.
-/// Errors: kConflict (the input, a file of another kind, a folder), kIo (may not be written), naming the path.
+/// May `path` be written as a file of this kind? Nothing is there, or an empty file, or one of this
+/// kind that is none of `inputs` under any name; or a pipe or a device such as /dev/stdout, which
+/// is written into as it is. For a long command, before it begins.
+/// Errors: kConflict (the input, a file of another kind, a folder), kIo (may not be written),
+/// naming the path.
 [[nodiscard]] Status check_output(const std::string& path, const FileKind& kind,
                                   const std::vector<std::string>& inputs = {});
 
-/// A file that is being written. Until put_in_place() or close() it has no name, so nothing of it is left however the process ends. Where the
-/// file system has no such files it stands beside its place, as PATH.PROCESS.partial, and is removed unless the process is killed. A link
-/// is followed: the file that it names is replaced. Errors, of all: kIo, naming the path.
+/// A file that is being written. Until put_in_place() or close() it has no name, so nothing of it
+/// is left however the process ends. Where the file system has no such files it stands beside its
+/// place, as PATH.PROCESS.partial, and is removed unless the process is killed. A link is followed:
+/// the file that it names is replaced. Errors, of all: kIo, naming the path.
 class OutputFile {
  public:
   /// Errors: also those of check_output().
   [[nodiscard]] static Result<OutputFile> create(const std::string& path, const FileKind& kind,
                                                  const std::vector<std::string>& inputs = {});
-  /// A whole file, of which only close() is left, which puts it in place: several appear together where none is closed before
-  /// all could be written. Of very many those beyond a quarter of the process's descriptors stand beside their places meanwhile.
-  /// Errors: also those of check_output().
+  /// A whole file, of which only close() is left, which puts it in place: several appear together
+  /// where none is closed before all could be written. Of very many those beyond a quarter of the
+  /// process's descriptors stand beside their places meanwhile. Errors: also those of
+  /// check_output().
   [[nodiscard]] static Result<OutputFile> whole(const std::string& path, const FileKind& kind,
                                                 std::string_view bytes,
                                                 const std::vector<std::string>& inputs = {});
@@ -48,7 +51,8 @@ class OutputFile {
 
   [[nodiscard]] Status write(std::string_view bytes);
   [[nodiscard]] Status flush();
-  /// Flushes, and replaces what was there; writing may go on, and readers see it. For lines that are looked at as they come.
+  /// Flushes, and replaces what was there; writing may go on, and readers see it. For lines that
+  /// are looked at as they come.
   [[nodiscard]] Status put_in_place();
   /// put_in_place() where that has not been done. Nothing may be called afterwards.
   [[nodiscard]] Status close();

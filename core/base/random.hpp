@@ -7,7 +7,8 @@
 
 namespace nearmesh {
 
-/// SplitMix64 (Steele, Lea, Flood 2014): every seed gives a full-period stream; O(1), no state to warm.
+/// SplitMix64 (Steele, Lea, Flood 2014): every seed gives a full-period stream; O(1), no state to
+/// warm.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Numbers in as few bytes as they need: seven bits a byte, the lowest first, the highest bit set in all but the last.
+// Numbers in as few bytes as they need: seven bits a byte, the lowest first, the highest bit set in
+// all but the last.
 
 #include <cstdint>
 #include <optional>
@@ -14,7 +15,8 @@ inline void append_number(std::uint64_t rest, std::vector<std::uint8_t>& to) {
   to.push_back(static_cast<std::uint8_t>(rest));
 }
 
-/// Takes it away from the bytes; nothing where it does not end, is longer than it must be, or has more than 56 bits.
+/// Takes it away from the bytes; nothing where it does not end, is longer than it must be, or has
+/// more than 56 bits.
 [[nodiscard]] inline std::optional<std::uint64_t> take_number(
     std::span<const std::uint8_t>& bytes) {
   constexpr unsigned kMostBits = 56;

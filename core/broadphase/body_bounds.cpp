@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why boxes that do not meet prove more than the corners of the boxes: core/THEOREM.md, "Free by bounds".
+// Why boxes that do not meet prove more than the corners of the boxes: core/THEOREM.md, "Free by
+// bounds".
 #include "body_bounds.hpp"
 
 #include <algorithm>
@@ -27,8 +28,9 @@ GridBox box_of_roots(const SplitStore& store) {
   return all;
 }
 
-/// A header may tell of a model so large, or so far from its origin, that sums of its places are beyond doubles. Bounds that are no numbers
-/// would meet nothing: where there are none the body may be anywhere.
+/// A header may tell of a model so large, or so far from its origin, that sums of its places are
+/// beyond doubles. Bounds that are no numbers would meet nothing: where there are none the body may
+/// be anywhere.
 void open_where_unknown(WorldBox& box) {
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < 3; ++k) {
@@ -45,8 +47,8 @@ ModelBounds::ModelBounds(const Grid& grid, const SplitStore& store)
 
 ModelBounds::ModelBounds(const Grid& grid, const GridBox& box)
     : grid_(grid),
-      // The lattice of a pair is at most the coarser of what the two have alone. It moves points of both, and neither body
-      // knows the other: each counts its own twice.
+      // The lattice of a pair is at most the coarser of what the two have alone. It moves points of
+      // both, and neither body knows the other: each counts its own twice.
       lattice_exponent_(nearmesh::lattice_exponent(grid, grid) + 1) {
   reach_m_ = nearmesh::reach_m(grid, box);
   for (int k = 0; k < 3; ++k) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where a body can be: boxes in the world that hold all faces of its full mesh, whatever of it is known. From the model's
-// header, a pose and velocities alone.
+// Where a body can be: boxes in the world that hold all faces of its full mesh, whatever of it is
+// known. From the model's header, a pose and velocities alone.
 
 #include <array>
 #include <cstdint>
@@ -29,17 +29,18 @@ struct WorldBox {
 /// The smallest that holds both.
 [[nodiscard]] WorldBox hull(const WorldBox& a, const WorldBox& b);
 
-/// Bodies are expected to go on as they do for so long: 4 to 8 s, by their number, since not all shall leave their roams at once. On
-/// their way they turn aside by this share of it.
+/// Bodies are expected to go on as they do for so long: 4 to 8 s, by their number, since not all
+/// shall leave their roams at once. On their way they turn aside by this share of it.
 [[nodiscard]] double roam_s(std::uint64_t number);
 inline constexpr double kRoamAside = 0.125;
 
-/// Where what has this box is expected to stay for a while: it goes that way from here, give or take `aside_m` on each side.
+/// Where what has this box is expected to stay for a while: it goes that way from here, give or
+/// take `aside_m` on each side.
 [[nodiscard]] WorldBox roam_along(const WorldBox& box, const std::array<double, 3>& way_m,
                                   double aside_m);
 
-/// What a model's header says of where its faces are, as a body needs it in each frame: the boxes of its roots hold all faces
-/// of the full mesh, and no batch changes them.
+/// What a model's header says of where its faces are, as a body needs it in each frame: the boxes
+/// of its roots hold all faces of the full mesh, and no batch changes them.
 class ModelBounds {
  public:
   ModelBounds() = default;
@@ -47,14 +48,16 @@ class ModelBounds {
   /// Of a box that holds all faces, in the grid.
   ModelBounds(const Grid& grid, const GridBox& box);
 
-  /// How far a point of the body may move in so many seconds, if it keeps within its speeds; metres, rounded up.
+  /// How far a point of the body may move in so many seconds, if it keeps within its speeds;
+  /// metres, rounded up.
   [[nodiscard]] double way_m(const Motion& motion, double duration_s) const;
-  /// Holds every posed face of the body (query.hpp) against any other one, at its pose and as far as way_m goes, and
-  /// `margin_m` more on each side. Then two bodies whose boxes do not meet are farther apart than both ways and margins
-  /// together. Precondition: check_motion accepted the motion. Cost: some 60 operations.
+  /// Holds every posed face of the body (query.hpp) against any other one, at its pose and as far
+  /// as way_m goes, and `margin_m` more on each side. Then two bodies whose boxes do not meet are
+  /// farther apart than both ways and margins together. Precondition: check_motion accepted the
+  /// motion. Cost: some 60 operations.
   [[nodiscard]] WorldBox around(const Motion& motion, double duration_s, double margin_m) const;
-  /// The same of a body whose origin is in a ball, however it is turned: holds each of its posed faces against any other body, and
-  /// `margin_m` more on each side.
+  /// The same of a body whose origin is in a ball, however it is turned: holds each of its posed
+  /// faces against any other body, and `margin_m` more on each side.
   [[nodiscard]] WorldBox around_ball(const std::array<double, 3>& center_m, double radius_m,
                                      double margin_m) const;
 

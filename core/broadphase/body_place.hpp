@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where a body may be, by what is known of it in a frame: a pose, or a promise alone. For the session that says what is free by bounds,
-// and for whoever proves it again: both count with this.
+// Where a body may be, by what is known of it in a frame: a pose, or a promise alone. For the
+// session that says what is free by bounds, and for whoever proves it again: both count with this.
 
 #include <array>
 #include <cstdint>
@@ -53,7 +53,8 @@ struct PlacedBody {
                                          const Ball& origin, double max_speed_mps,
                                          const LookAhead& ahead);
 
-/// Those of which this is false are free for certain (core/THEOREM.md, "Free by bounds", "Free by promise").
+/// Those of which this is false are free for certain (core/THEOREM.md, "Free by bounds", "Free by
+/// promise").
 [[nodiscard]] bool may_be_near(const BodyPlace& a, const BodyPlace& b);
 
 }  // namespace nearmesh

@@ -46,7 +46,8 @@ void BoxTree::move(Place leaf, const WorldBox& box) {
   link(leaf);
 }
 
-// Down while a child costs less than to stand beside the node: what all boxes above grow by counts on each way.
+// Down while a child costs less than to stand beside the node: what all boxes above grow by counts
+// on each way.
 BoxTree::Place BoxTree::sibling_for(const WorldBox& box) const {
   Place at = root_;
   while (!nodes_[at].is_leaf()) {

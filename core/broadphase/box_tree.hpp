@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A tree of boxes that come, move and go. Which boxes meet another does not depend on its shape; only the cost does.
+// A tree of boxes that come, move and go. Which boxes meet another does not depend on its shape;
+// only the cost does.
 
 #include <cstdint>
 #include <vector>
@@ -9,8 +10,9 @@
 
 namespace nearmesh {
 
-/// Binary, each inner node around its two children. Threads: one at a time. Source: Goldsmith and Salmon's insertion by
-/// surface area, and Kensler's rotations, as dynamic trees of physics engines do it.
+/// Binary, each inner node around its two children. Threads: one at a time. Source: Goldsmith and
+/// Salmon's insertion by surface area, and Kensler's rotations, as dynamic trees of physics engines
+/// do it.
 class BoxTree {
  public:
   using Place = std::uint32_t;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which pairs of bodies may be near. All others are proved apart by their bounds. Takes a box a body, gives pairs.
+// Which pairs of bodies may be near. All others are proved apart by their bounds. Takes a box a
+// body, gives pairs.
 
 #include <compare>
 #include <cstdint>
@@ -12,7 +13,8 @@
 
 namespace nearmesh {
 
-/// Whose company a body is looked at in: two bodies are a pair where each one's mask has a bit of the other's group.
+/// Whose company a body is looked at in: two bodies are a pair where each one's mask has a bit of
+/// the other's group.
 struct Company {
   std::uint32_t group = 1, mask = 0xffffffffU;
   bool is_scenery = false;  ///< stands in its place: no pair with other scenery
@@ -25,11 +27,11 @@ struct Company {
   auto operator<=>(const Company&) const = default;
 };
 
-/// Two bodies are near where their boxes meet. So what is near depends on the boxes alone: not on the order in which bodies
-/// came, on where they were before, nor on the trees below.
-/// How: each body's *roam* is a larger box, where it is expected to stay for some frames. Only when the box leaves the roam is
-/// the tree changed, and are pairs of roams that meet looked for again. In between, only the boxes of these are compared.
-/// Threads: one at a time.
+/// Two bodies are near where their boxes meet. So what is near depends on the boxes alone: not on
+/// the order in which bodies came, on where they were before, nor on the trees below.
+/// How: each body's *roam* is a larger box, where it is expected to stay for some frames. Only when
+/// the box leaves the roam is the tree changed, and are pairs of roams that meet looked for again.
+/// In between, only the boxes of these are compared. Threads: one at a time.
 class BroadPhase {
  public:
   using Slot = std::uint32_t;  ///< of a body; one that was removed is used again
@@ -37,7 +39,8 @@ class BroadPhase {
   /// Of a body whose place is not known: near to nobody, and counted apart.
   Slot add(const Company& company);
   void remove(Slot slot);
-  /// `roam()` gives a box, of which what holds `box` is used; it is called where the last one is left.
+  /// `roam()` gives a box, of which what holds `box` is used; it is called where the last one is
+  /// left.
   template <class Roam>
   void place(Slot slot, const WorldBox& box, const Roam& roam) {
     boxes_[slot] = box;

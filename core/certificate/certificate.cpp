@@ -13,7 +13,8 @@
 namespace nearmesh {
 namespace {
 
-/// What is needed now goes first where it is more than some batches: less is cheaper together with what is ahead.
+/// What is needed now goes first where it is more than some batches: less is cheaper together with
+/// what is ahead.
 constexpr std::size_t kWorthItsOwn = 768;
 /// Tests between two turns of those who are served, at least.
 constexpr std::uint64_t kTestsATurn = 50'000;
@@ -48,7 +49,8 @@ Motion motion_of(const CertificateRequest::Pair& pair) {
   return motion;
 }
 
-/// How far a request's rounding may take a point of body b, metres: that of floats, and of a rotation made a quaternion.
+/// How far a request's rounding may take a point of body b, metres: that of floats, and of a
+/// rotation made a quaternion.
 double rounding_m(const Motion& b_in_a, const TreeView& b) {
   return 0x1p-21 * reach_m(*b.grid, b.root().box) +
          0x1p-22 * length_bound(b_in_a.pose.translation_m);
@@ -66,7 +68,8 @@ std::array<float, 3> as_floats(const std::array<double, 3>& v) {
   return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
 }
 
-/// Of a rotation matrix, row-major. The largest component is found first, so that none is divided by a small one.
+/// Of a rotation matrix, row-major. The largest component is found first, so that none is divided
+/// by a small one.
 std::array<float, 4> quaternion_of(const std::array<double, 9>& r) {
   const std::array<double, 4> squares{1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8],
                                       1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]};
@@ -166,7 +169,8 @@ Status CertificateMaker::round(std::uint64_t round_tests) {
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
   if (step_ == Step::kNow) {
-    // What a look that ran out of tests did not come to; then what the peer asks, in full, where solids' rays may lack something.
+    // What a look that ran out of tests did not come to; then what the peer asks, in full, where
+    // solids' rays may lack something.
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
     query_tests_ = std::max(query_tests_, round_tests);
@@ -199,7 +203,8 @@ Status CertificateMaker::round(std::uint64_t round_tests) {
   return Status::ok();
 }
 
-/// Looks at some splits of one model, whether they can be spared. Goes on to the next model when all are.
+/// Looks at some splits of one model, whether they can be spared. Goes on to the next model when
+/// all are.
 Status CertificateMaker::spare(std::uint64_t round_tests) {
   if (!sparer_) {
     std::vector<ToClear> others;
@@ -347,7 +352,8 @@ std::optional<BegunCertificate> CertificateBeginner::next(std::size_t nodes) {
     nodes -= std::min(nodes, done);
     maker_.reset();
     const bool is_that_state = made.is_ok() && made.value()->state() == model.state;
-    // What slept comes out as another where the file was changed: then the peer is to say what it holds, as if there had been nothing.
+    // What slept comes out as another where the file was changed: then the peer is to say what it
+    // holds, as if there had been nothing.
     if (!is_that_state && is_waking_) continue;
     if (!is_that_state)
       return BegunCertificate{.maker = {},

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The cheapest detail that lets a peer certify its answers: who serves both models runs the peer's own query on a mirror of
-// what the peer holds, and splits what stands in the way, now and ahead. Takes poses and mirrors, gives batches. The peer
-// proves every answer itself; a wrong choice here costs a round trip.
+// The cheapest detail that lets a peer certify its answers: who serves both models runs the peer's
+// own query on a mirror of what the peer holds, and splits what stands in the way, now and ahead.
+// Takes poses and mirrors, gives batches. The peer proves every answer itself; a wrong choice here
+// costs a round trip.
 
 #include <cstdint>
 #include <functional>
@@ -22,15 +23,17 @@ namespace nearmesh {
 /// How body b moves as seen from body a, rounded as a request is.
 [[nodiscard]] CertificateRequest::Pair relative(const Motion& a, const Motion& b);
 
-/// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads: one at a time.
+/// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads:
+/// one at a time.
 class CertificateMaker {
  public:
-  /// So many splits at most are sent for one request, and those that they rest on, and so many tests made, some tenths of a second;
-  /// the peer asks on.
+  /// So many splits at most are sent for one request, and those that they rest on, and so many
+  /// tests made, some tenths of a second; the peer asks on.
   static constexpr std::size_t kMaxSplits = 16'384;
   static constexpr std::uint64_t kMaxTests = 10'000'000;
 
-  /// `mirrors`: of the request's models, in their order. In: a request that check_request() accepted.
+  /// `mirrors`: of the request's models, in their order. In: a request that check_request()
+  /// accepted.
   CertificateMaker(CertificateRequest request, std::vector<std::shared_ptr<Mirror>> mirrors);
 
   struct Part {
@@ -38,15 +41,16 @@ class CertificateMaker {
     ContentHash content;
     std::vector<std::vector<std::uint8_t>> batches;
   };
-  /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading the files, and of the
-  /// request's poses; nothing follows then.
-  /// `round_tests`: so many tests a look or a query takes; less makes rounds shorter, and more of them. A query that finds nothing within
-  /// them is asked again with four times as many.
+  /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading
+  /// the files, and of the request's poses; nothing follows then.
+  /// `round_tests`: so many tests a look or a query takes; less makes rounds shorter, and more of
+  /// them. A query that finds nothing within them is asked again with four times as many.
   [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
   /// What was done so far, in tests: a split takes as long as ten.
   [[nodiscard]] std::uint64_t work() const { return tests_ + 10 * split_count_; }
-  /// After an error: the content whose file could not be read, if that was it. The peer is to ask for regions of that one alone.
+  /// After an error: the content whose file could not be read, if that was it. The peer is to ask
+  /// for regions of that one alone.
   [[nodiscard]] const std::optional<ContentHash>& unreadable() const { return unreadable_; }
 
  private:
@@ -61,7 +65,8 @@ class CertificateMaker {
 
   CertificateRequest request_;
   std::vector<std::shared_ptr<Mirror>> mirrors_;
-  // By model: what is to be sent; nodes that have to be split, since a ray or half-spaces of theirs did not settle them.
+  // By model: what is to be sent; nodes that have to be split, since a ray or half-spaces of theirs
+  // did not settle them.
   std::vector<std::vector<VertexId>> splits_;
   std::vector<std::vector<NodeSpan>> told_of_, kept_;
   std::size_t split_count_ = 0;
@@ -83,8 +88,8 @@ struct BegunCertificate {
   bool wants_regions = false;  ///< the peer is to ask for regions of it; else to say what it holds
 };
 
-/// Finds the mirrors for a request, and makes those that sleep, or are not there, of what they were or what the peer says that it holds, in parts.
-/// Threads: one at a time.
+/// Finds the mirrors for a request, and makes those that sleep, or are not there, of what they were
+/// or what the peer says that it holds, in parts. Threads: one at a time.
 class CertificateBeginner {
  public:
   /// The file of a content that is served here; else nullptr.
@@ -93,8 +98,8 @@ class CertificateBeginner {
   CertificateBeginner(std::uint64_t peer, CertificateRequest request, Mirrors& mirrors,
                       FileOf file_of);
 
-  /// Looks for one file at most, since a tile that has to be opened takes as long as a turn, and does so many of the nodes that are told
-  /// (MirrorMaker::next()). Out: none while there are more.
+  /// Looks for one file at most, since a tile that has to be opened takes as long as a turn, and
+  /// does so many of the nodes that are told (MirrorMaker::next()). Out: none while there are more.
   [[nodiscard]] std::optional<BegunCertificate> next(std::size_t nodes);
   /// So many were looked at, true or not.
   [[nodiscard]] std::size_t told_nodes() const { return told_nodes_; }

@@ -138,8 +138,9 @@ void Mirrors::make_room() {
       true);
 }
 
-/// Not the one used last. Of the others those that were longest without use go, or sleep; first of peers beyond their share. What the
-/// one used last has beyond its peer's share is no reason for others to go.
+/// Not the one used last. Of the others those that were longest without use go, or sleep; first of
+/// peers beyond their share. What the one used last has beyond its peer's share is no reason for
+/// others to go.
 template <class Size>
 void Mirrors::make_room(std::size_t most, Size size, bool may_sleep) {
   std::size_t all = 0;

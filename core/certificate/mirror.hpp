@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a server of detail believes that one peer holds. Takes a peer's word of its state, gives the same state over the
-// model's file, so that the server can ask the peer's own questions. It is never believed without the state's digest.
+// What a server of detail believes that one peer holds. Takes a peer's word of its state, gives the
+// same state over the model's file, so that the server can ask the peer's own questions. It is
+// never believed without the state's digest.
 
 #include <cstdint>
 #include <list>
@@ -26,7 +27,8 @@ class Mirror {
   [[nodiscard]] LocalModel& model() { return model_; }
   [[nodiscard]] const LocalModel& model() const { return model_; }
   [[nodiscard]] std::uint64_t state() const { return model_.mesh.state_hash(); }
-  /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those of reading the file.
+  /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those
+  /// of reading the file.
   [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);
 
  private:
@@ -34,7 +36,8 @@ class Mirror {
   LocalModel model_;
 };
 
-/// Makes a mirror that holds what a peer says (replica/held_nodes.hpp), in parts, since a word of a few bytes may take 0.2 s.
+/// Makes a mirror that holds what a peer says (replica/held_nodes.hpp), in parts, since a word of a
+/// few bytes may take 0.2 s.
 class MirrorMaker {
  public:
   /// More is not taken on a peer's word: two bits may stand for a whole model.
@@ -43,8 +46,10 @@ class MirrorMaker {
               std::size_t most = kMostHeld);
   MirrorMaker(const MirrorMaker&) = delete;  // its walk refers to it
 
-  /// Does so many nodes more, or what is left of them: those that are split, and those that half-spaces are told of, which takes as long. Out: the
-  /// mirror once it holds all, else nullptr. Errors: those of held_batch(); kUnsupported for more than `most` splits in all. It is over then.
+  /// Does so many nodes more, or what is left of them: those that are split, and those that
+  /// half-spaces are told of, which takes as long. Out: the mirror once it holds all, else nullptr.
+  /// Errors: those of held_batch(); kUnsupported for more than `most` splits in all. It is over
+  /// then.
   [[nodiscard]] Result<std::shared_ptr<Mirror>> next(std::size_t nodes);
   /// So many of these were looked at, also where that failed.
   [[nodiscard]] std::size_t told_nodes() const { return told_splits_ + told_of_; }
@@ -60,24 +65,26 @@ class MirrorMaker {
     std::shared_ptr<ModelFile> file, std::vector<std::uint8_t> held,
     std::size_t most = MirrorMaker::kMostHeld);
 
-/// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
-/// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and who asks for one makes it anew of these.
-/// One that is awake keeps its file open, one that sleeps does not: where a tile of a world is to be closed, its mirrors are to sleep.
-/// No peer takes the others' room: where that is short, the mirrors of a peer that has more than one of kShares go first, and do not sleep.
-/// Threads: one at a time.
+/// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first,
+/// and its peer is asked what it holds. Those that were not used of late sleep: what they hold is
+/// kept in two or three bits a split, and who asks for one makes it anew of these. One that is
+/// awake keeps its file open, one that sleeps does not: where a tile of a world is to be closed,
+/// its mirrors are to sleep. No peer takes the others' room: where that is short, the mirrors of a
+/// peer that has more than one of kShares go first, and do not sleep. Threads: one at a time.
 class Mirrors {
  public:
   /// Together they hold so many splits at most; and so many there are.
   static constexpr std::size_t kMaxSplits = 1'000'000, kMaxMirrors = 4096;
-  /// Those awake hold so many at most, some 180 bytes each; each takes as much as so many splits besides. The one used last, and what somebody
-  /// works on, is awake in any case.
+  /// Those awake hold so many at most, some 180 bytes each; each takes as much as so many splits
+  /// besides. The one used last, and what somebody works on, is awake in any case.
   static constexpr std::size_t kMaxAwakeSplits = 250'000, kSplitsAMirror = 1'000;
   static constexpr std::size_t kShares = 4;
 
   /// What is known of a peer's model in the state that it says.
   struct Found {
     std::shared_ptr<Mirror> mirror;  ///< awake; the one used last from now on
-    /// It slept, and is here no more: of this a MirrorMaker makes it, which takes as long as a peer's word does, and then it is to be kept.
+    /// It slept, and is here no more: of this a MirrorMaker makes it, which takes as long as a
+    /// peer's word does, and then it is to be kept.
     std::vector<std::uint8_t> held;
   };
   /// Out: neither where that state is not known: the peer is to say what it holds.

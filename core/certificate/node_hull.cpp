@@ -6,7 +6,8 @@
 namespace nearmesh {
 namespace {
 
-/// Nodes up to this size are taken face by face. Larger ones are cut into parts first: their boxes, and the faces of single vertices.
+/// Nodes up to this size are taken face by face. Larger ones are cut into parts first: their boxes,
+/// and the faces of single vertices.
 constexpr std::uint32_t kExact = 256;
 constexpr std::size_t kParts = 48;
 
@@ -84,9 +85,10 @@ class Hull {
     }
   }
 
-  /// All faces that have a corner in the node. A face belongs to the deepest split that parts two of its corners: one below
-  /// the node, or above it. Only where its third corner alone is in the node does it belong to a split elsewhere, and then
-  /// the node of that split has a box around the face.
+  /// All faces that have a corner in the node. A face belongs to the deepest split that parts two
+  /// of its corners: one below the node, or above it. Only where its third corner alone is in the
+  /// node does it belong to a split elsewhere, and then the node of that split has a box around the
+  /// face.
   Status add_faces(NodeSpan node) {
     NEARMESH_RETURN_IF_ERROR(add_below(node));
     NEARMESH_RETURN_IF_ERROR(add_faces_of(store_.base_faces()));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where the faces lie that a node stands for: what a true half-space of it has to hold. Takes a model's file and a node, gives
-// points. Reads what is near the node, never all of the model.
+// Where the faces lie that a node stands for: what a true half-space of it has to hold. Takes a
+// model's file and a node, gives points. Reads what is near the node, never all of the model.
 
 #include <vector>
 
@@ -9,8 +9,8 @@
 
 namespace nearmesh {
 
-/// Points whose hull holds every face of the full mesh that has a vertex in a node: vertices of these faces where parts of the node
-/// are small, corners of boxes where they are large.
+/// Points whose hull holds every face of the full mesh that has a vertex in a node: vertices of
+/// these faces where parts of the node are small, corners of boxes where they are large.
 struct NodeHull {
   std::vector<VertexId> vertices;  ///< ascending, each once; the store knows where they are
   std::vector<GridPoint> corners;
@@ -20,8 +20,8 @@ struct NodeHull {
   void add(const NodeHull& other);
   [[nodiscard]] std::vector<GridPoint> points(const SplitStore& store) const;
 };
-/// In: a node that file.store() knows (SplitStore::is_node). Errors: those of ModelFile::require(). Deterministic.
-/// Cost: some microseconds a vertex up to 256 vertices, then no more.
+/// In: a node that file.store() knows (SplitStore::is_node). Errors: those of ModelFile::require().
+/// Deterministic. Cost: some microseconds a vertex up to 256 vertices, then no more.
 [[nodiscard]] Result<NodeHull> hull_of_node(ModelFile& file, NodeSpan node);
 /// Some of these points, for less: the node's vertices, and those of the faces of splits below it.
 [[nodiscard]] Result<NodeHull> hull_below(ModelFile& file, NodeSpan node);

@@ -123,7 +123,8 @@ Status SplitSparer::find_obstacles(std::size_t i, std::span<const HalfSpace> tol
   return Status::ok();
 }
 
-/// The narrowest half-space that holds the points, in the direction that was chosen last: neighbours have the same things in their way.
+/// The narrowest half-space that holds the points, in the direction that was chosen last:
+/// neighbours have the same things in their way.
 std::vector<HalfSpace> SplitSparer::guess(std::span<const GridPoint> points,
                                           const GridPoint& from) const {
   std::vector<HalfSpace> guessed;
@@ -146,8 +147,9 @@ std::optional<std::vector<HalfSpace>> SplitSparer::choose(std::span<const GridPo
   return std::nullopt;
 }
 
-// Nearly all that cannot be kept clear are nodes of two vertices, by the contact itself. Their hulls take the most of their time,
-// and two vertices and what was in the way of the node before mostly show it.
+// Nearly all that cannot be kept clear are nodes of two vertices, by the contact itself. Their
+// hulls take the most of their time, and two vertices and what was in the way of the node before
+// mostly show it.
 Status SplitSparer::look_at_pair(std::size_t i, Looked& looked) {
   const NodeSpan node = nodes_[i].split.node;
   const SplitStore& store = mirror_->file().store();
@@ -166,7 +168,8 @@ Status SplitSparer::look_at_pair(std::size_t i, Looked& looked) {
   return Status::ok();
 }
 
-// Half-spaces for what has been met; then what these do not keep clear is met, until nothing is. So few obstacles are looked at of many.
+// Half-spaces for what has been met; then what these do not keep clear is met, until nothing is. So
+// few obstacles are looked at of many.
 Status SplitSparer::look_at(std::size_t i, Looked& looked) {
   Node& node = nodes_[i];
   const GridPoint& from = mirror_->file().store().position(node.split.node.first);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which splits a server need not send, since half-spaces of a node keep all below it clear, in fewer bytes. Takes a mirror on
-// which all was split that stood in the way, gives it back with less.
+// Which splits a server need not send, since half-spaces of a node keep all below it clear, in
+// fewer bytes. Takes a mirror on which all was split that stood in the way, gives it back with
+// less.
 
 #include <optional>
 #include <vector>
@@ -13,25 +14,28 @@
 
 namespace nearmesh {
 
-/// What the nodes of a model are to stay clear of: another, as its mirror has it. Both move in one frame.
+/// What the nodes of a model are to stay clear of: another, as its mirror has it. Both move in one
+/// frame.
 struct ToClear {
   const Mirror* other = nullptr;
   Motion own_motion, other_motion;
   double duration_s = 0, margin_m = 0;
 };
 
-/// Goes from the smallest nodes up, since a node can be kept clear only where its parts can. Threads: one at a time.
+/// Goes from the smallest nodes up, since a node can be kept clear only where its parts can.
+/// Threads: one at a time.
 class SplitSparer {
  public:
-  /// `splits`: done for this request. `kept`: nodes that stay split. The mirrors must not change until apply().
+  /// `splits`: done for this request. `kept`: nodes that stay split. The mirrors must not change
+  /// until apply().
   SplitSparer(Mirror& mirror, std::span<const VertexId> splits, std::vector<NodeSpan> kept,
               std::vector<ToClear> others);
 
   [[nodiscard]] bool is_done() const { return at_ == 0; }
   /// Looks at one node more. Out: what it took, in tests. Errors: those of reading the file.
   [[nodiscard]] Result<std::uint64_t> look();
-  /// Takes back the splits that are spared, among the nodes looked at, and tells the half-spaces instead. Out: the nodes told
-  /// of, ascending.
+  /// Takes back the splits that are spared, among the nodes looked at, and tells the half-spaces
+  /// instead. Out: the nodes told of, ascending.
   [[nodiscard]] std::vector<NodeSpan> apply();
 
  private:
@@ -64,8 +68,8 @@ class SplitSparer {
   std::vector<Node> nodes_;  // in preorder
   std::vector<NodeSpan> kept_;
   std::vector<ToClear> others_;
-  std::vector<std::unique_ptr<ObstaclesAhead>>
-      obstacles_;                     // of each of these; made when first asked
+  // Of each of these; made when first asked.
+  std::vector<std::unique_ptr<ObstaclesAhead>> obstacles_;
   std::vector<Obstacle> in_the_way_;  // of the last node that could not be kept clear
   std::optional<std::uint16_t> last_direction_;
   double split_bits_;

@@ -11,7 +11,8 @@
 namespace nearmesh {
 namespace {
 
-/// A range of numbers lets nan pass, with which no comparison is true: a verb that waits until then would not, or for ever.
+/// A range of numbers lets nan pass, with which no comparison is true: a verb that waits until then
+/// would not, or for ever.
 void refuse_what_is_no_number(CLI::App& verb) {
   const CLI::Validator is_number(
       [](const std::string& text) {

@@ -16,7 +16,8 @@ constexpr std::size_t kBlockWork = 31;
 
 constexpr std::uint32_t kNoParent = 0xffffffffU;
 
-// A node and the parts of the region that may matter below it, as a range of one shared pool: children look at no others.
+// A node and the parts of the region that may matter below it, as a range of one shared pool:
+// children look at no others.
 struct Candidate {
   NodeSpan node;
   GridBox box;
@@ -36,7 +37,8 @@ class RegionFilter {
     return {node, node.size > 0 ? store_.box(node) : GridBox{}, 0,
             static_cast<std::uint32_t>(region_.size())};
   }
-  // The node as a candidate, if any part may matter to it or below it; to leaves none does, they are resolved.
+  // The node as a candidate, if any part may matter to it or below it; to leaves none does, they
+  // are resolved.
   [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
     if (node.size < 2) return std::nullopt;
     // A node without a box of its own has its parent's.

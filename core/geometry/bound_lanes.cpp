@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A box and a slab around eight parts at once. The slab's normal is the mean of what it bounds: of faces each as long as
-// the face is large, of parts each as large as its box tells. Sums over lanes stand in one order, whatever the vectors.
+// A box and a slab around eight parts at once. The slab's normal is the mean of what it bounds: of
+// faces each as long as the face is large, of parts each as large as its box tells. Sums over lanes
+// stand in one order, whatever the vectors.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/bound_lanes.cpp"
@@ -63,8 +64,8 @@ HWY_INLINE GridBox box_around(const BoxLanes& boxes, std::uint32_t lanes) {
   return box;
 }
 
-/// Bounds of normal . (x - origin) over all x that lanes [lane, lane + Lanes) bound: a part between the planes of its own
-/// slab, normal s, has normal . x = a (s . x) + (normal - a s) . x for any a.
+/// Bounds of normal . (x - origin) over all x that lanes [lane, lane + Lanes) bound: a part between
+/// the planes of its own slab, normal s, has normal . x = a (s . x) + (normal - a s) . x for any a.
 struct Spans {
   Vec from, to;
 };

@@ -1,27 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places boxes and faces (placed_boxes.hpp) and tests whether they are apart, for one instruction set, to be inlined where a
-// walk needs them by the hundred; included once for each set, so its guard is Highway's.
+// Places boxes and faces (placed_boxes.hpp) and tests whether they are apart, for one instruction
+// set, to be inlined where a walk needs them by the hundred; included once for each set, so its
+// guard is Highway's.
 //
-// Errors. What doubles and posed corners do to boxes and slabs is bounded in box_overlap.cpp and lanes.cpp, and is in the
-// slack. Here floats are added; u = 2^-24, h and r are the greatest half extents of a box and of the other as placed.
-// 1. Centres are computed in doubles and rounded once: off by less than u |c|, `room` of the body's bounds. Half extents
-//    grow by it, a slab's thickness by |normal|_1 of it. All else is of floats, sums of three products at most, off by less
-//    than 6 u of their magnitudes. For half extents that is below the 2^-17 h and 2^-18 r by which they grow. An axis is
-//    what it was computed to; a slab's normal in the other's units is off by 6 u |e|_2 a component, so the slab by
-//    18 u |e|_1 r. A triangle's plane is off by 6 u |normal|_1 h, and has 8 u of it.
-// 2. Tests along a box's axes: three roundings of positive terms, 3 u of the extents, less than these have grown.
-// 3. Tests along a slab's normal e, with the other part's slab n: e = a n + rest, for whatever a. Wherever the axes do not
-//    part the boxes, centres are |b_k| <= (h_k + r_k)(1 + 3 u) from each other. At most seven roundings stand between a term
-//    and the comparison, so that errs by at most
-//    8 u (|e|_1 (h + r) + |a| (|middle| + thickness) + (|e|_1 + 2 |a n|_1) h + |middle'| + thickness').
-//    a is the projection's but for a few per cent, so |a n|_1 <= 1.8 |e|_1. Terms of one box alone are added to it when it
-//    is placed: to e's own slab 2^-18 |e|_1 r, which are 64 u for 26, and 2^-20 (|middle'| + thickness'); to the other part
-//    2^-17 h to each half extent, and 2^-17 kSlabLength h + 2^-20 (|middle| + thickness) to the thickness. There
-//    |a| kSlabLength + |rest|_1 >= 0.99 |e|_2 >= 0.57 |e|_1, so these make up 73 u |e|_1 h; needed are 8 u (1 + 4.6) |e|_1 h.
-// 4. Triangles along a slab's normal: corners about the centre are off by u h, their products by 6 u |e|_1 h with the sums,
-//    the way of the centres by 8 u as above. Their room is |e|_1 times 64 u h and the centre's.
-// Where cells differ so much in size that normals would leave the range of floats, there are no slabs. A centre beyond that
-// range is as far off as it says: an infinite distance parts from what is finite alone.
+// Errors. What doubles and posed corners do to boxes and slabs is bounded in box_overlap.cpp and
+// lanes.cpp, and is in the slack. Here floats are added; u = 2^-24, h and r are the greatest half
+// extents of a box and of the other as placed.
+// 1. Centres are computed in doubles and rounded once: off by less than u |c|, `room` of the body's
+//    bounds. Half extents grow by it, a slab's thickness by |normal|_1 of it. All else is of
+//    floats, sums of three products at most, off by less than 6 u of their magnitudes. For half
+//    extents that is below the 2^-17 h and 2^-18 r by which they grow. An axis is what it was
+//    computed to; a slab's normal in the other's units is off by 6 u |e|_2 a component, so the slab
+//    by 18 u |e|_1 r. A triangle's plane is off by 6 u |normal|_1 h, and has 8 u of it.
+// 2. Tests along a box's axes: three roundings of positive terms, 3 u of the extents, less than
+//    these have grown.
+// 3. Tests along a slab's normal e, with the other part's slab n: e = a n + rest, for whatever a.
+//    Wherever the axes do not part the boxes, centres are |b_k| <= (h_k + r_k)(1 + 3 u) from each
+//    other. At most seven roundings stand between a term and the comparison, so that errs by no
+//    more than
+//      8 u (|e|_1 (h + r) + |a| (|middle| + thickness)
+//           + (|e|_1 + 2 |a n|_1) h + |middle'| + thickness').
+//    a is the projection's but for a few per cent, so |a n|_1 <= 1.8 |e|_1. Terms of one box alone
+//    are added to it when it is placed: to e's own slab 2^-18 |e|_1 r, which are 64 u for 26, and
+//    2^-20 (|middle'| + thickness'); to the other part 2^-17 h to each half extent, and
+//    2^-17 kSlabLength h + 2^-20 (|middle| + thickness) to the thickness. There
+//    |a| kSlabLength + |rest|_1 >= 0.99 |e|_2 >= 0.57 |e|_1, so these make up 73 u |e|_1 h; needed
+//    are 8 u (1 + 4.6) |e|_1 h.
+// 4. Triangles along a slab's normal: corners about the centre are off by u h, their products by 6
+//    u |e|_1 h with the sums, the way of the centres by 8 u as above. Their room is |e|_1 times 64
+//    u h and the centre's.
+// Where cells differ so much in size that normals would leave the range of floats, there are no
+// slabs. A centre beyond that range is as far off as it says: an infinite distance parts from what
+// is finite alone.
 #if defined(NEARMESH_GEOMETRY_BOX_KERNELS) == defined(HWY_TARGET_TOGGLE)
 #ifdef NEARMESH_GEOMETRY_BOX_KERNELS
 #undef NEARMESH_GEOMETRY_BOX_KERNELS
@@ -60,7 +70,8 @@ HWY_INLINE FloatVec dot(const float* a, const FloatVec (&b)[3]) {
                  hn::Mul(hn::Set(d, a[2]), b[2]));
 }
 
-/// Slabs of some lanes. The normals are of floats, kSlabLength long, nearly, or 0; from and to are about the centre.
+/// Slabs of some lanes. The normals are of floats, kSlabLength long, nearly, or 0; from and to are
+/// about the centre.
 struct SlabLanes {
   FloatVec normal[3], from, to;
 };
@@ -278,7 +289,8 @@ HWY_INLINE FloatVec share_of(const BoxesThere& p, const BoxesThere& q) {
                  hn::Set(FloatLanes(), static_cast<float>(1 / (kSlabLength * kSlabLength))));
 }
 
-/// How far the centres are from each other: the most along the axes, in units of the extents of both.
+/// How far the centres are from each other: the most along the axes, in units of the extents of
+/// both.
 HWY_INLINE FloatVec depth_of(const Meeting& m, const BoxesThere& p, const BoxesThere& q) {
   FloatVec depth = hn::Zero(FloatLanes());
   for (std::size_t k = 0; k < 3; ++k)
@@ -286,9 +298,10 @@ HWY_INLINE FloatVec depth_of(const Meeting& m, const BoxesThere& p, const BoxesT
   return depth;
 }
 
-/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the axes of both boxes and
-/// both slabs' normals. Bits of unused lanes mean nothing. In: the ratio of cells of one's own placing. With kDepth also how
-/// deep each overlaps the other, along own axes: least is deepest.
+/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the
+/// axes of both boxes and both slabs' normals. Bits of unused lanes mean nothing. In: the ratio of
+/// cells of one's own placing. With kDepth also how deep each overlaps the other, along own axes:
+/// least is deepest.
 template <bool kDepth>
 HWY_INLINE std::uint32_t boxes_apart_inline(const PlacedBoxes& own, const PlacedBoxes& other,
                                             std::uint32_t i, float cells_ratio, float* depths) {
@@ -300,7 +313,8 @@ HWY_INLINE std::uint32_t boxes_apart_inline(const PlacedBoxes& own, const Placed
     const Meeting in_own = meet(p, q);
     FloatMask found = hn::Or(in_own.parted, slabs_part(in_own, p, q, a));
     if (kDepth) hn::StoreU(depth_of(in_own, p, q), d, depths + lane);
-    // In the other's units the roles are exchanged; its normals turn back by the square of the ratio of the cells.
+    // In the other's units the roles are exchanged; its normals turn back by the square of the
+    // ratio of the cells.
     const BoxesThere r = repeat_lane(other, other.own, i), s = load_lanes(own, own.other, lane);
     const Meeting in_other = meet(r, s);
     found = hn::Or(found, hn::Or(in_other.parted,
@@ -330,9 +344,9 @@ HWY_INLINE FloatMask slabs_part(const Meeting& m, const PlacedFaces& faces,
   return hn::Gt(hn::Max(from, hn::Neg(to)), reach);
 }
 
-/// The same of own triangles, of `wanted` alone. Along the other's slab they are held by their corners: large ones are much
-/// smaller than their boxes. With kGuess it ends where own units part all of these: a branch, which saves half where it can be
-/// predicted.
+/// The same of own triangles, of `wanted` alone. Along the other's slab they are held by their
+/// corners: large ones are much smaller than their boxes. With kGuess it ends where own units part
+/// all of these: a branch, which saves half where it can be predicted.
 template <bool kGuess>
 HWY_INLINE std::uint32_t faces_apart_inline(const PlacedFaces& faces, std::uint32_t wanted,
                                             const PlacedBoxes& other, std::uint32_t i,

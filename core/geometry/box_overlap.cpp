@@ -7,9 +7,9 @@
 //    image. Of both models: sqrt(3) cells. A's inverse stretches by less than 1.0001 (check_pose:
 //    |R^T R - I| <= 1e-5 an entry, plus 2^-30 rounding). Together 1.7322 c, c = the cell's length.
 // 2. Doubles. Centres and corners are exact (int32). rotation carries an error of at most 30u s,
-//    translation 30u |t| and, with remainders of both frames, 2u c more, and a mapped point 4u more of its terms; in all
-//    less than 64u M (c <= 2^31 (1 + s) where there are remainders), where
-//    M = |t|_1 + 2^33 (1 + s) bounds the sum of all magnitudes (int32 points, three axes).
+//    translation 30u |t| and, with remainders of both frames, 2u c more, and a mapped point 4u more
+//    of its terms; in all less than 64u M (c <= 2^31 (1 + s) where there are remainders), where M =
+//    |t|_1 + 2^33 (1 + s) bounds the sum of all magnitudes (int32 points, three axes).
 // 3. Any vector n may serve as an axis, so an axis needs no error bound: n is taken as the exact
 // double
 //    computed. What must hold is that projections on n are honest. Every projection below is a sum
@@ -17,10 +17,11 @@
 //    r_j consists of entries of r_j) with coordinates, so its error is at most 64u M |n|,
 //    near-parallel edges included. The edge r_j itself projects on e_i x r_j to at most its own
 //    rounding.
-// 4. A drift moves projections on n by at most |n . along| + around |n|; what doubles add to that is
-//    below 128u (|along|_1 + around) |n|, and `reach` puts it into `around`.
-// 5. A half-space of A's is an axis n with a bound of A's side along it, a whole number below 2^9 M: the other side is
-//    projected as above, and 8u (|n|_1 M + |bound|) for the last sums is inside, since |n|_1 >= 127.
+// 4. A drift moves projections on n by at most |n . along| + around |n|; what doubles add to that
+//    is below 128u (|along|_1 + around) |n|, and `reach` puts it into `around`.
+// 5. A half-space of A's is an axis n with a bound of A's side along it, a whole number below 2^9
+//    M: the other side is projected as above, and 8u (|n|_1 M + |bound|) for the last sums is
+//    inside, since |n|_1 >= 127.
 // Hence slack = 1.7322 c + 128u M, and growing A's half extents by the slack on each axis grows the
 // projection by slack |n|_1 >= slack |n|_2: enough for every axis, with no further constants.
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
@@ -354,7 +355,8 @@ bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift, const Doub
 
 namespace {
 
-/// What the other body must be beyond the half-space's plane: for rounding, of posed corners too, and for the drift.
+/// What the other body must be beyond the half-space's plane: for rounding, of posed corners too,
+/// and for the drift.
 double room_on(const RelativeFrame& f, const Drift& drift, const Vec3& normal) {
   const double length = std::abs(normal[0]) + std::abs(normal[1]) + std::abs(normal[2]);
   return (f.slack + reach(drift)) * length + std::abs(dot(normal, drift.along));

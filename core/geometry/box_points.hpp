@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Boxes and points of a grid, three axes at a time: for checks that every split and every face goes through.
+// Boxes and points of a grid, three axes at a time: for checks that every split and every face goes
+// through.
 
 #include <cstdint>
 #include <limits>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// boxes_stay_apart and box_triangle_stay_apart of box_overlap.cpp, eight at a time: the same operations in the same order, so each
-// lane says what they say. The proofs stand there.
+// boxes_stay_apart and box_triangle_stay_apart of box_overlap.cpp, eight at a time: the same
+// operations in the same order, so each lane says what they say. The proofs stand there.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/drift_lanes.cpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Exact integer vectors, and the corner of a triangle that stands alone on its side of a plane: what the overlap test
-// and the construction of the intersection share.
+// Exact integer vectors, and the corner of a triangle that stands alone on its side of a plane:
+// what the overlap test and the construction of the intersection share.
 
 #include <array>
 #include <cstddef>

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Errors. box_overlap.cpp bounds what rounding of posed corners and of doubles does to a projection on any axis n by
-// slack |n|_1, half of which is left over there for the doubles. The sums here have the same terms: with d the vector
-// between the centres, a slab of normal m bounds n . x by a (m . x) + (n - a m) . x for any number a, so its factor a
-// needs no error bound, and |a m|, |n - a m| are at most |n| and a few per cent, since a is nearly the projection's. So the terms
-// stay below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the slab of the
-// other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself.
-// A way between two models is an axis that is neither's normal, so both slabs may serve as bounds along it. With two such forms the terms are those of
-// box_overlap.cpp twice and a few per cent: 132u M |n| and the 1.7322 c |n| of posing, less than 2 slack |n|_1 = (3.4644 c + 256u M) |n|_1. What
-// triangles reach is measured from the grid's origin, not from a centre: M bounds these magnitudes, too.
+// Errors. box_overlap.cpp bounds what rounding of posed corners and of doubles does to a projection
+// on any axis n by slack |n|_1, half of which is left over there for the doubles. The sums here
+// have the same terms: with d the vector between the centres, a slab of normal m bounds n . x by a
+// (m . x) + (n - a m) . x for any number a, so its factor a needs no error bound, and |a m|, |n - a
+// m| are at most |n| and a few per cent, since a is nearly the projection's. So the terms stay
+// below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the
+// slab of the other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself. A
+// way between two models is an axis that is neither's normal, so both slabs may serve as bounds
+// along it. With two such forms the terms are those of box_overlap.cpp twice and a few per cent:
+// 132u M |n| and the 1.7322 c |n| of posing, less than 2 slack |n|_1 = (3.4644 c + 256u M) |n|_1.
+// What triangles reach is measured from the grid's origin, not from a centre: M bounds these
+// magnitudes, too.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/lanes.cpp"
@@ -56,7 +59,8 @@ void place_lanes_all(const RelativeFrame& f, const BoxLanes& other, PlacedLanes&
   }
 }
 
-/// How far the slabs part two boxes: along the other's normal, and along one's own, each times that normal's length.
+/// How far the slabs part two boxes: along the other's normal, and along one's own, each times that
+/// normal's length.
 struct SlabGaps {
   Vec on_other, on_own;
 };
@@ -128,7 +132,8 @@ void find_box_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec between[3], half[3];
     load_boxes_from(other, i, own, lane, between, half);
-    // One's own axes are orthonormal in own units, the other's normals in its own, so gaps along them add as squares.
+    // One's own axes are orthonormal in own units, the other's normals in its own, so gaps along
+    // them add as squares.
     Vec on_own = zero, on_other = zero, square = zero;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vec gap = hn::Max(gap_on_own(other, i, k, between, half), zero);
@@ -180,7 +185,8 @@ void find_gaps_along_lanes(const RelativeFrame& f, const ApartWay& way, const Pl
     Vec between[3], half[3], n[3], rest[3];
     load_boxes_from(other, i, own, lane, between, half);
     for (std::size_t k = 0; k < 3; ++k) n[k] = load(own.normal[k] + lane);
-    // As in slab_gaps: the way is a n + rest, and a lane without a slab has n = 0, from = to = 0, so that its box says the same.
+    // As in slab_gaps: the way is a n + rest, and a lane without a slab has n = 0, from = to = 0,
+    // so that its box says the same.
     const Vec a = hn::Mul(dot(w, n), at(1.0 / (kSlabLength * kSlabLength)));
     for (std::size_t k = 0; k < 3; ++k) rest[k] = hn::Abs(hn::Sub(w[k], hn::Mul(a, n[k])));
     const Vec by_slab =

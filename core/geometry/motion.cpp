@@ -3,11 +3,13 @@
 //
 // The error of pose_at. u = 2^-53, turn = |w dt|.
 // 1. phi = w dt errs by u of each component: the angle by u turn.
-// 2. phi is halved k times until |phi| <= 1/4, so 2^k <= max(1, 8 turn). The series of the quaternion's cosine and sine
-//    are cut where the first term left out is below 2^-64; with rounding the quaternion errs by less than 3u.
+// 2. phi is halved k times until |phi| <= 1/4, so 2^k <= max(1, 8 turn). The series of the
+//    quaternion's cosine and sine are cut where the first term left out is below 2^-64; with
+//    rounding the quaternion errs by less than 3u.
 // 3. Each squaring doubles the error and adds less than 5u: after k of them it is below 8u 2^k.
-// 4. A unit quaternion's error d turns into 4d of its matrix as an operator (2d, doubled by the division by q.q, which
-//    removes any error of the length); computing the entries adds less than 10u, and the product with R0 less than 10u.
+// 4. A unit quaternion's error d turns into 4d of its matrix as an operator (2d, doubled by the
+//    division by q.q, which removes any error of the length); computing the entries adds less than
+//    10u, and the product with R0 less than 10u.
 // Together below u (turn + 32 max(1, 8 turn) + 20) < u (64 + 320 turn).
 #include "nearmesh/core/geometry/motion.hpp"
 
@@ -24,7 +26,8 @@ namespace {
 
 /// Covers the rounding of the few operations of a bound.
 constexpr double kRoundUp = 1 + 0x1p-48;
-/// The most by which a rotation that check_pose accepts stretches: |R^T R - I| <= 1e-5 an entry, and rounding.
+/// The most by which a rotation that check_pose accepts stretches: |R^T R - I| <= 1e-5 an entry,
+/// and rounding.
 constexpr double kStretch = 1.0001;
 
 /// exp([phi]), row-major.
@@ -56,7 +59,8 @@ std::array<double, 9> turn_by(const Vec3& phi) {
           n * (a * c - b * w),     n * (b * c + a * w),     1 - n * (a * a + b * b)};
 }
 
-/// Of at most half a turn, from its sine and cosine times any number above 0. By square roots alone, which are the same on every platform.
+/// Of at most half a turn, from its sine and cosine times any number above 0. By square roots
+/// alone, which are the same on every platform.
 double angle_of(double sine, double cosine) {
   constexpr int kHalvings = 9;
   for (int i = 0; i < kHalvings; ++i) {
@@ -79,7 +83,8 @@ Vec3 axis_angle(const std::array<double, 9>& r) {
   const double angle = angle_of(twice_sine, twice_cosine);
   double length = twice_sine;
   if (twice_cosine < 0) {
-    // Near half a turn the sine says little: r + r^T - 2 cosine is the axis times the axis, times a number, so each of its columns is along the axis.
+    // Near half a turn the sine says little: r + r^T - 2 cosine is the axis times the axis, times a
+    // number, so each of its columns is along the axis.
     Vec3 along;
     double longest = -1;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -145,8 +150,8 @@ double length_bound(const Vec3& v) {
 
 double reach_m(const Grid& grid, const GridBox& box) {
   Vec3 farthest;
-  const double cell_m =
-      std::ldexp(1.0, grid.exponent);  // once: sweeps ask this of each pair of nodes
+  // Once: sweeps ask this of each pair of nodes.
+  const double cell_m = std::ldexp(1.0, grid.exponent);
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
     const double lo = grid.origin_m[axis] + box.lo[k] * cell_m;
@@ -171,11 +176,12 @@ double placing_error_m(const Motion& motion, double reach, double duration_s) {
          kRoundUp;
 }
 
-// pose_at's error; each entry of the fixed-point rotation rounded by 2^-31, which the grid's part of the point feels
-// (an operator of at most 3 * 2^-31); the grid's origin turned in doubles; its place and then the vertex rounded to
-// lattice points, sqrt(3)/2 of a cell each. Of a model that shares a lattice it is the lattice's origin that is turned in
-// doubles and rounded, and all from there to the point that the fixed-point rotation feels; the grid's own place is rounded
-// with the vertex, once.
+// pose_at's error; each entry of the fixed-point rotation rounded by 2^-31, which the grid's part
+// of the point feels (an operator of at most 3 * 2^-31); the grid's origin turned in doubles; its
+// place and then the vertex rounded to lattice points, sqrt(3)/2 of a cell each. Of a model that
+// shares a lattice it is the lattice's origin that is turned in doubles and rounded, and all from
+// there to the point that the fixed-point rotation feels; the grid's own place is rounded with the
+// vertex, once.
 double posing_error_m(const Motion& motion, double reach, double duration_s, const Grid& grid,
                       int lattice_exp) {
   const double origin = length_bound(grid.lattice_origin_m());

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nearest points of two triangles: each corner against the other's edges and face, each edge against each.
+// Nearest points of two triangles: each corner against the other's edges and face, each edge
+// against each.
 //
-// Error. A point is x + s u + t v with s, t >= 0, s + t <= 1 and edges u, v from x, all exact integers. With the roundings of both
-// products and both sums it is off its triangle by less than 6 * 2^-53 E a coordinate, hence 11 * 2^-53 E in length, E being the
-// greatest difference of two of the six corners' coordinates along an axis. The distance of two such points errs by 22 * 2^-53 E
-// and its own rounding, which 2^-48 E and 2^-50 of it cover. Whether the points are the nearest ones does not count for that.
+// Error. A point is x + s u + t v with s, t >= 0, s + t <= 1 and edges u, v from x, all exact
+// integers. With the roundings of both products and both sums it is off its triangle by less than 6
+// * 2^-53 E a coordinate, hence 11 * 2^-53 E in length, E being the greatest difference of two of
+// the six corners' coordinates along an axis. The distance of two such points errs by 22 * 2^-53 E
+// and its own rounding, which 2^-48 E and 2^-50 of it cover. Whether the points are the nearest
+// ones does not count for that.
 #include "nearest_points.hpp"
 
 #include <algorithm>
@@ -34,7 +37,8 @@ struct Nearest {
   }
 };
 
-/// Calls offer(point of the triangle) for the nearest one on each of its edges, and for the foot of p where it is in the face.
+/// Calls offer(point of the triangle) for the nearest one on each of its edges, and for the foot of
+/// p where it is in the face.
 template <class Offer>
 void for_nearest(const Vec3& p, const Corners& t, const Offer& offer) {
   for (std::size_t i = 0; i < 3; ++i) {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Eight boxes and slabs of one posed model, seen from both models of a pair: made once a pair of poses, tested against many.
-// In floats, which hold twice as many lanes as doubles and half as much of the cache; rounded outwards, so that "apart" is
-// what it is in lanes.hpp: true of the posed integer geometry. The same bits on every machine.
+// Eight boxes and slabs of one posed model, seen from both models of a pair: made once a pair of
+// poses, tested against many. In floats, which hold twice as many lanes as doubles and half as much
+// of the cache; rounded outwards, so that "apart" is what it is in lanes.hpp: true of the posed
+// integer geometry. The same bits on every machine.
 
 #include "nearmesh/core/geometry/detail/lanes.hpp"
 
@@ -34,15 +35,17 @@ struct PlacedBoxes {
   float middle[kLanes];
   float length[kLanes];  ///< |normal|_1 in the other's units, at least
 };
-/// Triangles: their boxes, with their planes as slabs, and their corners about the centres of these.
+/// Triangles: their boxes, with their planes as slabs, and their corners about the centres of
+/// these.
 struct PlacedFaces {
   PlacedBoxes boxes;
   float corner[3][3][kLanes];  ///< [corner][axis][lane], own units
   float room[kLanes];          ///< what centres and corners may be off, times |axis|_1
 };
 
-/// What is certain of pairs of triangles, lane by lane, as bits: triangles_overlap of the posed ones is false, or is true.
-/// In neither are pairs within some lattice cells of just touching, and flat ones.
+/// What is certain of pairs of triangles, lane by lane, as bits: triangles_overlap of the posed
+/// ones is false, or is true. In neither are pairs within some lattice cells of just touching, and
+/// flat ones.
 struct PairVerdicts {
   std::uint32_t apart = 0, touching = 0;
 };

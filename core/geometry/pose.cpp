@@ -176,8 +176,9 @@ Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int latt
   for (std::size_t i = 0; i < 9; ++i)
     frame.rotation[i] = static_cast<std::int64_t>(std::floor(pose.rotation[i] * 0x1p30 + 0.5));
 
-  // The origin of the lattice is turned in doubles, the way from there to the grid's in fixed point, as points are: so
-  // what a point of the lattice comes to does not depend on whose grid it is in.
+  // The origin of the lattice is turned in doubles, the way from there to the grid's in fixed
+  // point, as points are: so what a point of the lattice comes to does not depend on whose grid it
+  // is in.
   const std::array<double, 3> origin_m = grid.lattice_origin_m();
   for (std::size_t k = 0; k < 3; ++k) {
     const double* row = pose.rotation.data() + 3 * k;

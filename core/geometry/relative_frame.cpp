@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where one body lies as the other sees it, with the slack that covers all rounding (its bound: box_overlap.cpp).
+// Where one body lies as the other sees it, with the slack that covers all rounding (its bound:
+// box_overlap.cpp).
 #include <algorithm>
 #include <cmath>
 
@@ -65,7 +66,8 @@ double least_stretch(const Mat3& m) {
   return std::sqrt(1 - std::min(1.0, std::sqrt(off) + 0x1p-48)) * kGapShrink;
 }
 
-/// A relative frame but for its slack. offset: from A's grid origin to B's, in A's units, not turned.
+/// A relative frame but for its slack. offset: from A's grid origin to B's, in A's units, not
+/// turned.
 RelativeFrame relate(const Mat3& rotation_a, const Mat3& rotation_b, const Vec3& offset,
                      int exponent_a, int exponent_b) {
   const Mat3 inverse_a = inverse_of(rotation_a);
@@ -140,8 +142,9 @@ bool balls_apart(const PosedFrame& frame_a, const GridBox& a, const PosedFrame& 
   NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
   const CenteredBox box_a = centered(a), box_b = centered(b);
   const double scale_a = std::ldexp(1.0, -frame_a.shift), scale_b = std::ldexp(1.0, -frame_b.shift);
-  // In lattice cells. Frames stretch by less than 1.0001; four cells are more than what corners and origins round, and a grid
-  // unit of each, with 2^-40 of the way, more than what doubles do, here and in boxes_apart.
+  // In lattice cells. Frames stretch by less than 1.0001; four cells are more than what corners and
+  // origins round, and a grid unit of each, with 2^-40 of the way, more than what doubles do, here
+  // and in boxes_apart.
   double way2 = 0, way1 = 0;
   for (std::size_t k = 0; k < 3; ++k) {
     double at_a = 0, at_b = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What relative frames and the tests of separation share. Where the numbers come from: box_overlap.cpp.
+// What relative frames and the tests of separation share. Where the numbers come from:
+// box_overlap.cpp.
 
 #include "vec3.hpp"
 

@@ -16,8 +16,9 @@ bool same_place(const GridPoint& p, const GridPoint& q) {
 }  // namespace
 
 UnclosedEdges count_unclosed_edges(std::span<const GridPoint> positions, SurfaceFaces faces) {
-  // Counting sort of the sides of all faces by their lower end, then each (short) group by the upper one. An item holds
-  // that end and, in its lowest bit, whether the face passes the edge upward.
+  // Counting sort of the sides of all faces by their lower end, then each (short) group by the
+  // upper one. An item holds that end and, in its lowest bit, whether the face passes the edge
+  // upward.
   const auto visit_sides = [&](const auto& visit) {
     for (const auto& face : faces) {
       const GridPoint &p = positions[face[0]], &q = positions[face[1]], &r = positions[face[2]];

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Intersection of two overlapping triangles.
-// Source: Guigue and Devillers 2003, section 4 (the ends of the common segment by orientation signs); coplanar and
-// degenerate pairs are ours: edges clipped by half-planes, with exact fractions.
+// Source: Guigue and Devillers 2003, section 4 (the ends of the common segment by orientation
+// signs); coplanar and degenerate pairs are ours: edges clipped by half-planes, with exact
+// fractions.
 //
-// Error. An end is x + t (y - x) for an edge xy, t = h(x) / (h(x) - h(y)) with heights h that are exact integers. With
-// u = 2^-53: both conversions and the division give t within 3.01 u t; the product errs by 4.02 u |y - x| <= 4.02 u E a
-// coordinate; the sum, whose terms are exact differences and whose value stays within E, adds 1.01 u E. In all below
-// 5.1 u E a coordinate, 9 u E in length. The exact point lies in both triangles because signs, not t, chose the edge.
+// Error. An end is x + t (y - x) for an edge xy, t = h(x) / (h(x) - h(y)) with heights h that are
+// exact integers. With u = 2^-53: both conversions and the division give t within 3.01 u t; the
+// product errs by 4.02 u |y - x| <= 4.02 u E a coordinate; the sum, whose terms are exact
+// differences and whose value stays within E, adds 1.01 u E. In all below 5.1 u E a coordinate, 9 u
+// E in length. The exact point lies in both triangles because signs, not t, chose the edge.
 #include "triangle_intersection.hpp"
 
 #include <algorithm>
@@ -60,8 +62,8 @@ void add(TriangleIntersection& out, const Double3& p, const Double3& q) {
   out.pieces[out.count++] = {p, q};
 }
 
-/// Two proper triangles whose planes cross: the later start and the earlier end of the intervals in which the two cut
-/// the common line.
+/// Two proper triangles whose planes cross: the later start and the earlier end of the intervals in
+/// which the two cut the common line.
 void cross_planes(const BothCorners& c, const Wide3& heights_a, const Wide3& heights_b,
                   TriangleIntersection& out) {
   const Lone a = find_lone(signs_of(heights_a)), b = find_lone(signs_of(heights_b));
@@ -73,21 +75,21 @@ void cross_planes(const BothCorners& c, const Wide3& heights_a, const Wide3& hei
     return from < 3 ? crossing(c[from], c[to], heights_a[from], heights_a[to])
                     : crossing(c[from], c[to], heights_b[from - 3], heights_b[to - 3]);
   };
-  // Along the line a's interval runs from edge p1r1 to p1q1, b's from p2q2 to p2r2. Positive: b's edge p2y cuts the
-  // line after a's edge p1x.
+  // Along the line a's interval runs from edge p1r1 to p1q1, b's from p2q2 to p2r2. Positive: b's
+  // edge p2y cuts the line after a's edge p1x.
   const auto order = [&](std::size_t x, std::size_t y) {
     return sign(orientation(c, x, p2, p1, y));
   };
   const bool starts_with_b = order(r1, q2) > 0, ends_with_b = order(q1, r2) < 0;
-  // Ends of one triangle fall together only in a corner on the line, where both cuts give that corner's own
-  // coordinates.
+  // Ends of one triangle fall together only in a corner on the line, where both cuts give that
+  // corner's own coordinates.
   const bool is_point =
       starts_with_b != ends_with_b && (starts_with_b ? order(q1, q2) : order(r1, r2)) == 0;
   const Double3 start = starts_with_b ? cut(p2, q2) : cut(p1, r1);
   add(out, start, is_point ? start : ends_with_b ? cut(p2, r2) : cut(p1, q1));
 }
 
-// ---- pairs in one plane, and triangles that are segments or points -------------------------------
+// ---- pairs in one plane, and triangles that are segments or points ------------------------------
 
 /// The convex hull of a triangle's corners: a point, a segment or the triangle.
 struct Hull {
@@ -164,7 +166,8 @@ void add(TriangleIntersection& out, const Whole3& p, const Whole3& q, const Clip
       compare(part.from, part.to) == 0 ? start : along(p, q, part.to.part, part.to.whole));
 }
 
-/// The outline of the common area: the parts of each one's edges inside the other. Where only points are common, one.
+/// The outline of the common area: the parts of each one's edges inside the other. Where only
+/// points are common, one.
 void cross_in_plane(const Hull& a, const Hull& b, const Plane& plane, TriangleIntersection& out) {
   TriangleIntersection points;
   for (const Hull* own : {&a, &b}) {

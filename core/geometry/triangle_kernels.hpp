@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// One's own triangle against eight of the other model's: by axes that part them, and by signs of orientations where they
-// certainly meet (Guigue and Devillers 2003, as triangle_overlap.cpp).
+// One's own triangle against eight of the other model's: by axes that part them, and by signs of
+// orientations where they certainly meet (Guigue and Devillers 2003, as triangle_overlap.cpp).
 //
-// Errors. Axes: as in box_overlap.cpp, any vector may serve. Orientations: the image of the posed corners keeps orientation,
-// and with s the slack, L the greatest distance of two corners here, differences of corners are those of their images but
-// for s (box_overlap.cpp, 1: two corners' rounding makes up the slack, whichever bodies they are of). A determinant of
-// three differences then is off by at most (L + s)^3 - L^3 <= 3 s (L + s)^2 <= s (3.4 L^2 + 27 s^2). Doubles add less than
-// 2^-47 L^3 <= s L^2 / 2, since L <= M and s >= 2^-46 M there. So a sign beyond 4 s (L^2 + 7 s^2) is that of the exact
-// test; and a triangle whose corners are all beyond it on one side of the other's plane is parted along that plane's normal.
+// Errors. Axes: as in box_overlap.cpp, any vector may serve. Orientations: the image of the posed
+// corners keeps orientation, and with s the slack, L the greatest distance of two corners here,
+// differences of corners are those of their images but for s (box_overlap.cpp, 1: two corners'
+// rounding makes up the slack, whichever bodies they are of). A determinant of three differences
+// then is off by at most (L + s)^3 - L^3 <= 3 s (L + s)^2 <= s (3.4 L^2 + 27 s^2). Doubles add less
+// than 2^-47 L^3 <= s L^2 / 2, since L <= M and s >= 2^-46 M there. So a sign beyond 4 s (L^2 + 7
+// s^2) is that of the exact test; and a triangle whose corners are all beyond it on one side of the
+// other's plane is parted along that plane's normal.
 #if defined(NEARMESH_GEOMETRY_TRIANGLE_KERNELS) == defined(HWY_TARGET_TOGGLE)
 #ifdef NEARMESH_GEOMETRY_TRIANGLE_KERNELS
 #undef NEARMESH_GEOMETRY_TRIANGLE_KERNELS
@@ -50,7 +52,8 @@ HWY_INLINE void exchange(Mask where, Vec (&x)[3], Vec (&y)[3]) {
   }
 }
 
-/// The corner of a triangle that is alone on its side of a plane which no corner is on, and the next two in turn.
+/// The corner of a triangle that is alone on its side of a plane which no corner is on, and the
+/// next two in turn.
 struct LoneCorner {
   Vec lone[3], next[3], last[3];
   Mask is_below;
@@ -74,7 +77,8 @@ struct OwnTriangle {
   Vec second[3], third[3];
 };
 
-/// Whether the triangles are certainly apart along an axis. The other's corners are relative to one's own first.
+/// Whether the triangles are certainly apart along an axis. The other's corners are relative to
+/// one's own first.
 HWY_INLINE Mask parts(const Vec (&axis)[3], const OwnTriangle& own, const Vec (&other)[3][3],
                       double slack) {
   const Vec zero = hn::Zero(Doubles());
@@ -102,8 +106,9 @@ HWY_INLINE Vec orientation_error(const OwnTriangle& own, const Vec (&other)[3][3
   return hn::Mul(hn::Set(d, 4 * slack), square);
 }
 
-/// Of triangles that neither plane parts: `apart` by two pairs of edges, `touching` by the signs of their orientations.
-/// Heights: of the other's corners above one's own plane, and the other way round, times the lengths of the normals.
+/// Of triangles that neither plane parts: `apart` by two pairs of edges, `touching` by the signs of
+/// their orientations. Heights: of the other's corners above one's own plane, and the other way
+/// round, times the lengths of the normals.
 struct MaskVerdicts {
   Mask apart, touching;
 };
@@ -122,7 +127,8 @@ HWY_INLINE MaskVerdicts test_edges(const OwnTriangle& own, const Vec (&b)[3][3],
     a[1][k] = own.second[k];
     a[2][k] = own.third[k];
   }
-  // Where heights are not certain, these corners are a guess, and as good for finding an axis as any.
+  // Where heights are not certain, these corners are a guess, and as good for finding an axis as
+  // any.
   LoneCorner lone_a = lone_corner(a[0], a[1], a[2], own_heights);
   LoneCorner lone_b = lone_corner(b[0], b[1], b[2], b_heights);
   exchange(lone_b.is_below, lone_a.next, lone_a.last);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Vectors of doubles, for bounds and nearest points. exact.hpp has those of integers, on which decisions rest.
+// Vectors of doubles, for bounds and nearest points. exact.hpp has those of integers, on which
+// decisions rest.
 
 #include <array>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the vector kernels of this room share; included once for each instruction set, so its guard is Highway's.
+// What the vector kernels of this room share; included once for each instruction set, so its guard
+// is Highway's.
 #if defined(NEARMESH_GEOMETRY_VECTORS) == defined(HWY_TARGET_TOGGLE)
 #ifdef NEARMESH_GEOMETRY_VECTORS
 #undef NEARMESH_GEOMETRY_VECTORS

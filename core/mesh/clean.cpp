@@ -129,7 +129,8 @@ int choose_exponent(const Bounds& bounds, int bits) {
 Grid choose_grid(const Bounds& bounds, int bits) {
   Grid grid;
   grid.exponent = choose_exponent(bounds, bits);
-  // A single point needs no room: a grid of metres about it would coarsen the lattice of a small partner.
+  // A single point needs no room: a grid of metres about it would coarsen the lattice of a small
+  // partner.
   grid.bits = bounds.lo == bounds.hi ? kMinGridBits : bits;
   for (std::size_t k = 0; k < 3; ++k)
     grid.origin_m[k] = std::ldexp(first_cell(bounds.lo[k], grid.exponent), grid.exponent);
@@ -251,8 +252,9 @@ std::vector<std::uint32_t> weld(const IndexedMesh& input,
   report.rounding_error_m = rounder.greatest_error_m();
   report.vertices_unreferenced = referenced.size() - rounded;
 
-  // First each vertex points to the first one at its place, then those are numbered in input order. Groups of a few
-  // scattered places are cheaper to sort than all of them; which places share a group decides nothing.
+  // First each vertex points to the first one at its place, then those are numbered in input order.
+  // Groups of a few scattered places are cheaper to sort than all of them; which places share a
+  // group decides nothing.
   const std::size_t group_count = std::bit_ceil(rounded);
   auto groups = group_by_vertex<std::uint32_t>(group_count, [&](const auto& emit) {
     for (std::uint32_t v = 0; v < referenced.size(); ++v) {

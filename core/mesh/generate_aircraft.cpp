@@ -105,8 +105,8 @@ void add_aerofoil(IndexedMesh& mesh, const Aerofoil& foil, std::uint32_t triangl
   const double span_m =
       std::fabs(foil.upright ? foil.tip_m[2] - foil.root_m[2] : foil.tip_m[1] - foil.root_m[1]);
   const double ratio = std::max(1.0, span_m / (foil.root_chord_m + foil.tip_chord_m));
-  const std::uint32_t half =
-      std::max(2U, lattice_side(triangles / 2, ratio, 4) / 2);  // points on one side
+  // Points on one side.
+  const std::uint32_t half = std::max(2U, lattice_side(triangles / 2, ratio, 4) / 2);
   const std::uint32_t around = 2 * half, caps = 2 * (around - 2);
   const std::uint32_t body = triangles > caps ? triangles - caps : 0;
   const std::uint32_t stations = std::max(2U, (body + around) / (2 * around) + 1);

@@ -131,7 +131,8 @@ Status close_terrain(IndexedMesh& terrain, std::uint32_t size, double floor_m) {
             "floor of the terrain: expected from -100000 m to below its lowest height of " +
                 std::to_string(lowest) + " m, found " + std::to_string(floor_m)};
 
-  // Once round the edge, counter-clockwise from above; below each vertex of it stands one of the floor.
+  // Once round the edge, counter-clockwise from above; below each vertex of it stands one of the
+  // floor.
   std::vector<std::uint32_t> rim;
   for (std::uint32_t i = 0; i < size; ++i) rim.push_back(i);
   for (std::uint32_t i = 0; i < size; ++i) rim.push_back(i * side + size);
@@ -148,7 +149,8 @@ Status close_terrain(IndexedMesh& terrain, std::uint32_t size, double floor_m) {
     terrain.faces.push_back({rim[i], first + i, first + next});
     terrain.faces.push_back({rim[i], first + next, rim[next]});
   }
-  // The floor in strips of one cell from edge to edge: no triangle's box is wider than a cell, as it would be in a fan.
+  // The floor in strips of one cell from edge to edge: no triangle's box is wider than a cell, as
+  // it would be in a fan.
   const auto south = [&](std::uint32_t i) { return first + i; };
   const auto east = [&](std::uint32_t i) { return first + size + i; };
   const auto north = [&](std::uint32_t i) { return first + 3 * size - i; };

@@ -26,7 +26,8 @@ constexpr bool kCanLimitMemory = false;
 constexpr bool kCanLimitMemory = true;
 #endif
 
-/// What goes over the pipe: this, the message or the grid, the positions, the faces, the parts, their names.
+/// What goes over the pipe: this, the message or the grid, the positions, the faces, the parts,
+/// their names.
 struct Preamble {
   std::uint32_t code = 0;
   std::uint32_t message_size = 0;

@@ -96,7 +96,8 @@ std::string head_of(const std::string& path, std::string_view ending_in_archive)
   return bytes.starts_with("PK\x03\x04") ? unzip_head(bytes, ending_in_archive) : bytes;
 }
 
-/// The value of an attribute in the first tag of that name, comments left out; empty where there is none.
+/// The value of an attribute in the first tag of that name, comments left out; empty where there is
+/// none.
 std::string_view attribute(std::string_view xml, std::string_view tag, std::string_view name) {
   constexpr std::string_view kComment = "<!--", kCommentEnd = "-->";
   for (std::size_t at = xml.find('<'); at != std::string_view::npos; at = xml.find('<', at + 1)) {
@@ -137,12 +138,14 @@ constexpr NamedUnit kAmfUnits[] = {
     {"micron", 1e-6}, {"millimeter", 1e-3}, {"millimeters", 1e-3}, {"centimeter", 1e-2},
     {"meter", 1},     {"inch", 0.0254},     {"foot", 0.3048},      {"feet", 0.3048}};
 
-/// Metres in the unit that $INSUNITS of a DXF file numbers so; 0: none, or one that is not known here.
+/// Metres in the unit that $INSUNITS of a DXF file numbers so; 0: none, or one that is not known
+/// here.
 constexpr double kDxfUnits[] = {0,       0.0254,  0.3048, 1609.344, 1e-3, 1e-2,           1,   1e3,
                                 2.54e-8, 2.54e-5, 0.9144, 1e-10,    1e-9, 1e-6,           0.1, 10,
                                 100,     1e9,     0,      0,        0,    1200.0 / 3937.0};
 
-/// The value of $INSUNITS in the section HEADER. The text is pairs of lines: a code, what stands there.
+/// The value of $INSUNITS in the section HEADER. The text is pairs of lines: a code, what stands
+/// there.
 std::optional<std::string_view> find_dxf_unit(std::string_view text) {
   bool is_section = false, is_header = false, is_unit = false;
   for (;;) {
@@ -159,7 +162,8 @@ std::optional<std::string_view> find_dxf_unit(std::string_view text) {
   }
 }
 
-/// The shortest decimal that a float stands for, which is what a file has had written: 0.0254, not 0.0253999997.
+/// The shortest decimal that a float stands for, which is what a file has had written: 0.0254, not
+/// 0.0253999997.
 double decimal(float x) {
   char text[64];
   const auto end = std::to_chars(text, text + sizeof text, x).ptr;
@@ -187,8 +191,8 @@ ReadConvention collada(const aiScene& scene, const std::string& path) {
 
 ReadConvention fbx(const aiScene& scene, const std::string& path) {
   ReadConvention out;
-  out.leaves_out_root =
-      true;  // the file has none; assimp 5.4 turns and scales to Y-up there, 5.2 does nothing
+  // The file has none; assimp 5.4 turns and scales to Y-up there, 5.2 does nothing.
+  out.leaves_out_root = true;
   const std::string bytes = head_of(path, ".fbx");
   // In text it stands in quotes, in binary behind its length; OriginalUnitScaleFactor is another.
   const auto has = [&bytes](const std::string& name) {

@@ -45,7 +45,8 @@ Status unsupported(std::string message) {
   return {StatusCode::kUnsupported, "GDAL: " + std::move(message)};
 }
 
-/// Formats whose files hold the heights themselves: others, as VRT, name files or addresses to be opened.
+/// Formats whose files hold the heights themselves: others, as VRT, name files or addresses to be
+/// opened.
 constexpr const char* kDrivers[] = {
     "GTiff", "DTED", "USGSDEM", "EHdr", "ENVI", "HFA", "AIG",  "AAIGrid", "GRASSASCIIGrid",
     "GSAG",  "GSBG", "GS7BG",   "SAGA", "RST",  "BT",  "NITF", nullptr};
@@ -114,7 +115,8 @@ Status read_scale(GDALRasterBandH band, HeightGrid& grid) {
   const double unit_m = grid.unit == GridUnit::kLength ? grid.unit_m : 1;
   const Result<double> height_m = height_unit(stated, unit_m);
   NEARMESH_RETURN_IF_ERROR(height_m);
-  // Apart from offset and scale, which options may replace: what a sample's unit is does not change thereby.
+  // Apart from offset and scale, which options may replace: what a sample's unit is does not change
+  // thereby.
   grid.height_unit = height_m.value() / unit_m;
   grid.height_unit_is_assumed = stated.empty() && unit_m != 1;
   grid.offset = GDALGetRasterOffset(band, nullptr);
@@ -141,8 +143,8 @@ Status corrupt_row(int row) {
   return {StatusCode::kCorrupt, "GDAL: row " + std::to_string(row) + ": " + CPLGetLastErrorMsg()};
 }
 
-/// Posts that the file takes out beside its samples: by a mask, or by a band that says how opaque each is. Such a band is a mask
-/// for GDAL only where it holds whole numbers.
+/// Posts that the file takes out beside its samples: by a mask, or by a band that says how opaque
+/// each is. Such a band is a mask for GDAL only where it holds whole numbers.
 Status read_mask(GDALDatasetH dataset, GDALRasterBandH band, HeightGrid& grid) {
   std::vector<GDALRasterBandH> masks;
   if ((GDALGetMaskFlags(band) & (GMF_PER_DATASET | GMF_ALPHA)) != 0)

@@ -26,8 +26,9 @@ bool leaves_geometry_alone(std::string_view extension) {
   return extension == "KHR_lights_punctual" || extension == "KHR_animation_pointer";
 }
 
-/// Told of a JSON text piece by piece, it looks at one list of the outermost object and keeps nothing else: neither depth nor size of
-/// the rest costs memory. False, from any of these, ends the reading.
+/// Told of a JSON text piece by piece, it looks at one list of the outermost object and keeps
+/// nothing else: neither depth nor size of the rest costs memory. False, from any of these, ends
+/// the reading.
 class DemandReader : public nlohmann::json_sax<json> {
  public:
   [[nodiscard]] const Status& status() const { return status_; }
@@ -108,7 +109,8 @@ bool ends_as_gltf(std::string_view path) {
   return false;
 }
 
-/// The JSON of a binary file, in both versions of its header: magic, version, size; size of the JSON, its type; the JSON.
+/// The JSON of a binary file, in both versions of its header: magic, version, size; size of the
+/// JSON, its type; the JSON.
 std::string json_of_binary(std::string_view bytes) {
   constexpr std::size_t kSizeAt = 12, kJsonAt = 20;
   if (bytes.size() < kJsonAt) return {};
@@ -135,7 +137,8 @@ Status check_gltf_demands(const std::string& path) {
   in.seekg(0);
   bytes.assign(std::istreambuf_iterator<char>(in), {});
   if (is_binary) bytes = json_of_binary(bytes);
-  // Names of nodes may be in any encoding, which is nothing to refuse a mesh for; what is looked for here is ASCII.
+  // Names of nodes may be in any encoding, which is nothing to refuse a mesh for; what is looked
+  // for here is ASCII.
   std::ranges::replace_if(
       bytes, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
   std::string_view text = bytes;

@@ -106,7 +106,8 @@ std::optional<double> as_sample(const HeightGrid& grid, std::optional<double> no
 
 /// Samples become heights; those without data NaN, or the fill.
 Result<PostsWithoutData> fill_heights(HeightGrid& grid, const TerrainOptions& options) {
-  // A height as the others are, so in their unit, and no sample: offset and scale are no matter of it.
+  // A height as the others are, so in their unit, and no sample: offset and scale are no matter of
+  // it.
   const double instead =
       options.fill ? *options.fill * grid.height_unit : std::numeric_limits<double>::quiet_NaN();
   const auto is = [](std::optional<double> nodata, double sample) {

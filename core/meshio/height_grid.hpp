@@ -14,9 +14,9 @@ namespace nearmesh::meshio {
 /// Posts take a vertex each, and two faces: clean_mesh takes no more.
 inline constexpr std::uint64_t kMostPosts = std::uint64_t{1} << 29;
 
-/// Coordinates of columns or rows, in the file's unit. Where posts stand at whole fractions of a unit, as
-/// in grids of arc-seconds, each is a quotient of whole numbers: neighbouring grids then give the posts
-/// that they share the same bits, which first + step * i would not.
+/// Coordinates of columns or rows, in the file's unit. Where posts stand at whole fractions of a
+/// unit, as in grids of arc-seconds, each is a quotient of whole numbers: neighbouring grids then
+/// give the posts that they share the same bits, which first + step * i would not.
 struct GridAxis {
   double first = 0, step = 1;  ///< step may be negative
   double numerator = 0, numerator_step = 0;
@@ -54,13 +54,14 @@ struct HeightGrid {
   std::string crs;                      ///< what the file or its format calls its coordinates
 };
 
-/// Whether a grid can be that large and `bytes` of the file can hold it, `per_byte` posts at most in each.
-/// Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
+/// Whether a grid can be that large and `bytes` of the file can hold it, `per_byte` posts at most
+/// in each. Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
 [[nodiscard]] Status check_grid_size(const std::string& format, std::uint64_t columns,
                                      std::uint64_t rows, std::uint64_t bytes, double per_byte);
 
-/// What options say beside the file, without a look at samples: places and the meaning of samples enter the grid. Gives the model's frame.
-/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense).
+/// What options say beside the file, without a look at samples: places and the meaning of samples
+/// enter the grid. Gives the model's frame. Errors: kInvalidArgument (options are missing,
+/// contradict the file, or make no sense).
 [[nodiscard]] Result<TerrainFrame> settle_grid(HeightGrid& grid, const TerrainOptions& options);
 /// A part of a settled grid, without samples. Its posts are those of the whole, to the bit.
 [[nodiscard]] HeightGrid window_of(const HeightGrid& grid, const GridWindow& window);
@@ -68,9 +69,9 @@ struct HeightGrid {
 [[nodiscard]] Result<SceneMesh> to_scene(HeightGrid grid, TerrainFrame frame,
                                          const TerrainOptions& options);
 
-/// Two triangles a cell, counter-clockwise from above; their common edge runs from south-west to north-east. A
-/// triangle with a corner without data is left out, where it is not filled.
-/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense; a height or a
+/// Two triangles a cell, counter-clockwise from above; their common edge runs from south-west to
+/// north-east. A triangle with a corner without data is left out, where it is not filled. Errors:
+/// kInvalidArgument (options are missing, contradict the file, or make no sense; a height or a
 /// place that is no number).
 [[nodiscard]] Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options);
 

@@ -235,8 +235,8 @@ struct TerrainFile::Parts {
   ImportOptions options;
   TerrainOptions terrain;
   TerrainFrame frame = TerrainFrame::kUnstated;
-  meshio::SampleLayout
-      layout;  // its grid is settled; with all samples where they cannot be read apart
+  // Its grid is settled; with all samples where they cannot be read apart.
+  meshio::SampleLayout layout;
 };
 
 namespace {

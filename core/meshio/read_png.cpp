@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grids in PNG files (ISO/IEC 15948:2004): grey or colour samples of 8 or 16 bits. Only zlib is needed beside; libraries of images
-// would turn samples into shades, by palette or gamma.
+// Grids in PNG files (ISO/IEC 15948:2004): grey or colour samples of 8 or 16 bits. Only zlib is
+// needed beside; libraries of images would turn samples into shades, by palette or gamma.
 #include <zlib.h>
 
 #include <algorithm>
@@ -67,8 +67,8 @@ Result<PngHeader> read_header(const PngChunk& chunk) {
                    static_cast<std::uint8_t>(depth / 8)};
 }
 
-/// The sample that is to be seen through: who wrote it meant that nothing is there. It takes two bytes for grey, and for each
-/// colour, also where samples have one.
+/// The sample that is to be seen through: who wrote it meant that nothing is there. It takes two
+/// bytes for grey, and for each colour, also where samples have one.
 Result<double> read_transparent(std::string_view content, const PngHeader& header) {
   const std::size_t colours = header.is_colour ? 3 : 1;
   if (content.size() != 2 * colours)

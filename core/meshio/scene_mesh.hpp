@@ -69,8 +69,8 @@ struct ScenePart {
 
 struct SceneMesh {
   IndexedMesh mesh;  ///< positions in units of the file, each in the frame of its part
-  std::vector<ScenePart>
-      parts;  ///< empty: the mesh is one part without a name, in the file's frame
+  /// Empty: the mesh is one part without a name, in the file's frame.
+  std::vector<ScenePart> parts;
   FileConvention convention;
   std::optional<ImportedTerrain> terrain;  ///< it was a grid of heights
 };

@@ -87,8 +87,8 @@ inline Status parse_coordinate(std::string_view word, const std::string& place, 
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
     return {StatusCode::kCorrupt, place + ": expected a coordinate, found " + quote(word)};
-  // from_chars does not tell too great from too small; a stream does. Not strtod: where the host's locale has a decimal comma that
-  // reads 2.5e-400 as 2.
+  // from_chars does not tell too great from too small; a stream does. Not strtod: where the host's
+  // locale has a decimal comma that reads 2.5e-400 as 2.
   if (error == std::errc::result_out_of_range) {
     std::istringstream text{std::string(digits)};
     text.imbue(std::locale::classic());

@@ -6,7 +6,8 @@
 namespace nearmesh::meshio {
 
 SinCos sin_cos_deg(double deg) {
-  // What is left of whole quarter turns is exact: 90 k and deg are within a factor of two of each other.
+  // What is left of whole quarter turns is exact: 90 k and deg are within a factor of two of each
+  // other.
   const double quarters = std::round(deg / 90);
   constexpr double kRadians = 3.14159265358979323846 / 180;
   const double x = (deg - 90 * quarters) * kRadians, square = x * x;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Places on the WGS 84 ellipsoid (NIMA TR8350.2, 2000, section 4.2). Made of + - * / and sqrt alone, so that every
-// machine gets the same bits; within some nanometres of the true place.
+// Places on the WGS 84 ellipsoid (NIMA TR8350.2, 2000, section 4.2). Made of + - * / and sqrt
+// alone, so that every machine gets the same bits; within some nanometres of the true place.
 
 #include <array>
 

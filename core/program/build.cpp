@@ -279,7 +279,8 @@ Status build_nodes(const BuildOptions& options, const ImportOptions& import_opti
   for (const ImportedNode& node : nodes)
     NEARMESH_RETURN_IF_ERROR(
         check_output(path_of(node.name + ".spm"), file_layout::kModelFile, {options.in}));
-  // None is put in place before all could be written: a scene places models of one file, not of two.
+  // None is put in place before all could be written: a scene places models of one file, not of
+  // two.
   std::vector<Built> models;
   for (const ImportedNode& node : nodes) {
     Result<Built> built =

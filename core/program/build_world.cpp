@@ -39,11 +39,12 @@ Status make_folders(const std::string& world) {
   return Status::ok();
 }
 
-/// What a tile's content follows from: all of it, as else the world's name would follow from which tile was baked first.
+/// What a tile's content follows from: all of it, as else the world's name would follow from which
+/// tile was baked first.
 std::string digest_of_bake(const GridMesh& mesh, double rounding_error_m,
                            const BuildOptions& options) {
-  constexpr std::uint64_t kBakeVersion =
-      2;  // another one where bake makes other files of the same mesh
+  // Another one where bake makes other files of the same mesh.
+  constexpr std::uint64_t kBakeVersion = 2;
   std::vector<std::uint8_t> bytes;
   const auto add = [&bytes](const void* data, std::size_t size) {
     const auto* from = static_cast<const std::uint8_t*>(data);
@@ -172,7 +173,8 @@ std::string command_of(const BuildWorldOptions& options) {
   return out;
 }
 
-/// As ninja wants names of files: with $ before blanks, colons and $. It has nothing for a bar but a variable that holds one.
+/// As ninja wants names of files: with $ before blanks, colons and $. It has nothing for a bar but
+/// a variable that holds one.
 std::string for_ninja(const std::string& path) {
   std::string out;
   for (const char c : fs::absolute(path).lexically_normal().string())
@@ -243,7 +245,8 @@ Result<std::array<std::uint32_t, 2>> parse_repeat(const std::string& text) {
                 "--repeat: expected COLUMNSxROWS, as 10x10, found \"" + text + "\"");
 }
 
-/// All tiles, so often along x and y, each time moved by the size of all of them: then borders that match meet.
+/// All tiles, so often along x and y, each time moved by the size of all of them: then borders that
+/// match meet.
 void repeat_tiles(const std::array<std::uint32_t, 2>& times, std::vector<PlacedTile>& tiles) {
   std::array<std::int64_t, 2> step{};
   for (std::size_t k = 0; k < 2 && !tiles.empty(); ++k) {

@@ -46,10 +46,12 @@ Pose pose_of(const nlohmann::json& numbers) {
   return pose;
 }
 
-// A certified answer is wrong when the full meshes say otherwise; a partial one when they do not touch at all.
+// A certified answer is wrong when the full meshes say otherwise; a partial one when they do not
+// touch at all.
 bool is_wrong(const std::string& status, const nlohmann::json& line, const Answer& full) {
   if (status == "free") return full.status != AnswerStatus::kFree;
-  // Ended by the host's options: that they touch is all that it says, and of a cut list how many there are.
+  // Ended by the host's options: that they touch is all that it says, and of a cut list how many
+  // there are.
   if (status == "contact" && line.value("any", false)) return full.status != AnswerStatus::kContact;
   if (status == "contact" && line.value("truncated", false))
     return full.status != AnswerStatus::kContact || count_of(line.at("pairs")) != full.pairs.size();

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The commands of nearmesh-model: what each is told, and what it then does. A Status that is not ok becomes one line on
-// standard error and exit code 1 (wrong usage: 2). Flags and help stand in main.cpp alone, so that no command compiles CLI11.
+// The commands of nearmesh-model: what each is told, and what it then does. A Status that is not ok
+// becomes one line on standard error and exit code 1 (wrong usage: 2). Flags and help stand in
+// main.cpp alone, so that no command compiles CLI11.
 
 #include <array>
 #include <optional>
@@ -39,8 +40,8 @@ Status run(const BuildOptions& options);
 
 struct BuildWorldOptions {
   std::vector<std::string> in;
-  BuildOptions
-      build;  ///< how to read and bake each; its `in` is not used, `out` is the world's folder
+  /// How to read and bake each; its `in` is not used, `out` is the world's folder.
+  BuildOptions build;
   bool has_lattice_origin = false;
   std::uint32_t tile_faces = 1'000'000;
   std::string repeat;                 ///< as it was typed; empty: once

@@ -32,8 +32,8 @@ class FullWorld {
     bool is_world_a = true;
     std::string world_name, name;  ///< for errors
   };
-  /// Status, what is inside, and pairs: of the first tile by place, then of the second, and so on. Cost: building a tile's tree where it is
-  /// not among the last kMostTrees.
+  /// Status, what is inside, and pairs: of the first tile by place, then of the second, and so on.
+  /// Cost: building a tile's tree where it is not among the last kMostTrees.
   [[nodiscard]] Result<Answer> answer(const Asked& asked);
 
  private:

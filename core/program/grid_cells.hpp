@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How Liu, Georganas and Roth 2006 predict where detail is needed. For the methods that certified answers are compared with.
+// How Liu, Georganas and Roth 2006 predict where detail is needed. For the methods that certified
+// answers are compared with.
 
 #include <algorithm>
 #include <array>
@@ -11,9 +12,9 @@
 
 namespace nearmesh::program {
 
-/// Their section 3.2: the model's box is cut into cells, 8 along each axis as printed; the cells where
-/// the current meshes touch, and their neighbours, are refined fully; then the query runs again, until no new cell is
-/// touched.
+/// Their section 3.2: the model's box is cut into cells, 8 along each axis as printed; the cells
+/// where the current meshes touch, and their neighbours, are refined fully; then the query runs
+/// again, until no new cell is touched.
 class GridCells {
  public:
   explicit GridCells(const SplitStore& store, int cells_per_axis = 8)

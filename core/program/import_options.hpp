@@ -13,7 +13,8 @@ namespace nearmesh::program {
 /// Errors: kInvalidArgument naming the option.
 [[nodiscard]] Result<ImportOptions> import_options(const BuildOptions& options);
 
-/// None for a cell of 0. The cell is the greatest power of two that is no larger, and the origin lies on it.
+/// None for a cell of 0. The cell is the greatest power of two that is no larger, and the origin
+/// lies on it.
 [[nodiscard]] std::optional<CommonLattice> common_lattice(double cell_m,
                                                           const std::array<double, 3>& origin_m);
 

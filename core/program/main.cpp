@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-model: makes, inspects and queries progressive model files, without a network. Its verbs, their flags
-// and their help.
+// nearmesh-model: makes, inspects and queries progressive model files, without a network. Its
+// verbs, their flags and their help.
 
 #include <CLI/CLI.hpp>
 #include <memory>

@@ -22,7 +22,8 @@ struct Measures {
 /// `box` holds exactly the vertices.
 [[nodiscard]] Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin);
 
-/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states; those of the grid.
+/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the
+/// file states; those of the grid.
 [[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
 /// Of a model of which only a part is known.
 [[nodiscard]] std::vector<std::string> doubts_but_of_size(const Measures& measures);

@@ -183,7 +183,8 @@ class PaperGrid : public QueryMethod {
     for (const int cell : touched) {
       if (!done.insert(cell).second) continue;
       more = true;
-      // Active, and alone: the vertex itself, and whoever would still stand for it and its right neighbour.
+      // Active, and alone: the vertex itself, and whoever would still stand for it and its right
+      // neighbour.
       for (const VertexId v : cells.vertices(cell)) {
         NEARMESH_RETURN_IF_ERROR(split_all(mesh, {v}, delta));
         while (!mesh.is_resolved(v))

@@ -17,8 +17,8 @@ struct QueryMethodOptions {
   bool contacts = false;  ///< fill MethodAnswer::contacts
 };
 
-/// An answer with what it cost. For full, base and global, whose meshes are the same in every pose, loading, refining and
-/// building are counted with the first pose.
+/// An answer with what it cost. For full, base and global, whose meshes are the same in every pose,
+/// loading, refining and building are counted with the first pose.
 struct MethodAnswer {
   Answer answer;
   std::uint64_t splits = 0, slots = 0;  ///< held, both models
@@ -34,8 +34,9 @@ class QueryMethod {
   [[nodiscard]] virtual Result<MethodAnswer> answer(const PosedPair& posed) = 0;
 };
 
-/// Name: full, base, global, grid or certified. The files must outlive the method.
-/// Errors: kInvalidArgument where a solid is asked for whose model is open, or of a method that knows no inside.
+/// Name: full, base, global, grid or certified. The files must outlive the method. Errors:
+/// kInvalidArgument where a solid is asked for whose model is open, or of a method that knows no
+/// inside.
 [[nodiscard]] Result<std::unique_ptr<QueryMethod>> make_query_method(
     const std::string& name, ModelFile& a, ModelFile& b, const QueryMethodOptions& options);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What build-world remembers of the tiles that it has baked, and whether they are still there as they were (takes and gives notes, files
-// of a world's folder).
+// What build-world remembers of the tiles that it has baked, and whether they are still there as
+// they were (takes and gives notes, files of a world's folder).
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -25,8 +25,8 @@ struct TileNote {
 class TileNotes {
  public:
   explicit TileNotes(std::string world) : world_(std::move(world)) {}
-  /// None where none is kept, or the tile that it names is not there, or not whole: a damaged one is told of on standard error.
-  /// Cost: each tile's file is read once, however many notes name it.
+  /// None where none is kept, or the tile that it names is not there, or not whole: a damaged one
+  /// is told of on standard error. Cost: each tile's file is read once, however many notes name it.
   [[nodiscard]] std::optional<TileNote> read(const std::string& path);
   /// Of a tile that was just baked, or was read. Errors: kIo, naming the path.
   [[nodiscard]] Status write(const std::string& path, const TileNote& note);

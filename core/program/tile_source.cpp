@@ -77,7 +77,8 @@ void TileSource::note(const TileJob& job, const ImportedMesh& mesh) {
   measures.stated_up = mesh.stated_up;
   measures.is_terrain = mesh.terrain.has_value();
   seen.is_as_written = mesh.is_as_written;
-  // A sample that one window has is no wrong one, and a unit that was taken for granted is so of all.
+  // A sample that one window has is no wrong one, and a unit that was taken for granted is so of
+  // all.
   const bool has_nodata = !is_new && seen.terrain && !seen.terrain->unmatched_nodata;
   seen.terrain = mesh.terrain;
   if (has_nodata && seen.terrain) seen.terrain->unmatched_nodata.reset();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The meshes of a world's tiles, out of its inputs (takes a plan, gives meshes and what is to be doubted of them).
+// The meshes of a world's tiles, out of its inputs (takes a plan, gives meshes and what is to be
+// doubted of them).
 
 #include <array>
 #include <cstdint>
@@ -27,8 +28,8 @@ class TileSource {
       : options_(options), plan_(plan) {}
   /// May be without faces. Errors: those of reading, naming the file.
   [[nodiscard]] Result<ImportedMesh> read(const TileJob& job);
-  /// Of what was read, as `build` has them. What only all of a grid tells, as its size, is not doubted where some of
-  /// its windows were not read.
+  /// Of what was read, as `build` has them. What only all of a grid tells, as its size, is not
+  /// doubted where some of its windows were not read.
   [[nodiscard]] std::vector<Doubt> doubts() const;
 
  private:

@@ -47,7 +47,8 @@ std::vector<fs::path> parts_beside(const std::string& in) {
   return files;
 }
 
-/// What tells an input from another state of it: a digest of its path, and of its parts' sizes and times. Errors: kIo.
+/// What tells an input from another state of it: a digest of its path, and of its parts' sizes and
+/// times. Errors: kIo.
 Result<std::string> stamp_of(const std::string& in) {
   std::string text = fs::absolute(in).lexically_normal().string();  // in any encoding
   const auto add = [&text](const fs::path& file) {
@@ -313,7 +314,8 @@ Result<WorldPlan> plan_world(const BuildWorldOptions& options) {
   NEARMESH_RETURN_IF_ERROR(there);
   Result<std::vector<std::string>> inputs = stamps_of(options.in);
   NEARMESH_RETURN_IF_ERROR(inputs);
-  // First the plan that chose a lattice: as long as the world has that one, this is the plan that joins it, too.
+  // First the plan that chose a lattice: as long as the world has that one, this is the plan that
+  // joins it, too.
   fs::path folder;
   for (const std::optional<CommonLattice>& joins :
        {std::optional<CommonLattice>(), there.value()}) {

@@ -27,15 +27,16 @@ Result<Motion> at_frame(const AskedBody& body) {
   return motion;
 }
 
-/// How far from there its point may truly be: what pose_at() rounds on the way, which grows with the turn.
+/// How far from there its point may truly be: what pose_at() rounds on the way, which grows with
+/// the turn.
 double error_at_frame_m(const AskedBody& body) {
   if (body.age_s == 0 || is_at_rest(body.motion)) return 0;
   return placing_error_m(body.motion, reach_m(*body.view.grid, body.view.root().box),
                          std::abs(body.age_s));
 }
 
-/// Whether the bodies cannot meet in all of the time ahead, whichever way they go at their speeds: the horizon is longer by more
-/// than what their motions' poses may be off on the way.
+/// Whether the bodies cannot meet in all of the time ahead, whichever way they go at their speeds:
+/// the horizon is longer by more than what their motions' poses may be off on the way.
 bool is_free_by_speed(const AskedBody& a, const AskedBody& b, double horizon_s, double sweep_s) {
   double speed_mps = 0, error_m = 0;
   for (const AskedBody* body : {&a, &b}) {
@@ -52,7 +53,8 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
   const Result<Motion> motion_a = at_frame(a), motion_b = at_frame(b);
   NEARMESH_RETURN_IF_ERROR(motion_a);
   NEARMESH_RETURN_IF_ERROR(motion_b);
-  // Of solids an uncertain answer may also lack what tells inside from outside: that is no matter of the surfaces' way.
+  // Of solids an uncertain answer may also lack what tells inside from outside: that is no matter
+  // of the surfaces' way.
   const bool is_of_surfaces = now.status != AnswerStatus::kUncertain || !(a.solid || b.solid);
   const bool is_of_now =
       (a.age_s == 0 || is_at_rest(a.motion)) && (b.age_s == 0 || is_at_rest(b.motion));
@@ -67,8 +69,9 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
 /// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
 constexpr std::uint64_t kFreeTests = 65'536;
 
-/// Where a point that went with the body is now. What came from another mover is a rotation but for 1e-5, so it is undone by its inverse:
-/// the transposed matrix would leave the point off by as much of its distance from the origin.
+/// Where a point that went with the body is now. What came from another mover is a rotation but for
+/// 1e-5, so it is undone by its inverse: the transposed matrix would leave the point off by as much
+/// of its distance from the origin.
 Vec3 carried(const Pose& then, const Pose& now, const Vec3& p) {
   const std::array<double, 9>& r = then.rotation;
   const std::array<Vec3, 3> columns{{{r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]}}};
@@ -86,7 +89,8 @@ Vec3 carried(const Pose& then, const Pose& now, const Vec3& p) {
 }  // namespace
 
 bool is_cut(const Answer& answer, const AnswerOptions& options) {
-  // Who looks for any pair looks in another order, so where something is missing it may name other nodes.
+  // Who looks for any pair looks in another order, so where something is missing it may name other
+  // nodes.
   return answer.exhausted || answer.truncated ||
          (options.any && (answer.pair_total > 0 || !is_certified(answer.status)));
 }
@@ -145,11 +149,13 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   return all;
 }
 
-// Why the walk would find nothing. The search for the bound goes down from pair to pair of parts as the walk does, and each pair of
-// ends lies below a pair whose gap it found to be `clearance_m` at least: along three axes of one body together, so that one of them has
-// 0.57 of it, or along a slab's normal. A motion changes that by less than boxes_moved_m, of which four are not more: the walk, which
-// tries the same axes and normals, parts that pair. The same goes for what axes and normals of the larger body alone show, from which
-// what floats lose is off already, so that two are enough. Exact faces are as far apart as clearance_left() says.
+// Why the walk would find nothing. The search for the bound goes down from pair to pair of parts as
+// the walk does, and each pair of ends lies below a pair whose gap it found to be `clearance_m` at
+// least: along three axes of one body together, so that one of them has 0.57 of it, or along a
+// slab's normal. A motion changes that by less than boxes_moved_m, of which four are not more: the
+// walk, which tries the same axes and normals, parts that pair. The same goes for what axes and
+// normals of the larger body alone show, from which what floats lose is off already, so that two
+// are enough. Exact faces are as far apart as clearance_left() says.
 std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b, const KeptFree& kept,
                                    const ClearanceLeft& left, const AnswerOptions& options) {
   if (options.clearance != Clearance::kBound || options.max_tests < kFreeTests ||

@@ -40,8 +40,8 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
   const FloatGuard guard;
   CertifyTimes spent;
   Stopwatch watch;
-  bool is_asked =
-      true;  // else the round only looks for what is missing: its pairs would be listed in vain
+  // Else the round only looks for what is missing: its pairs would be listed in vain.
+  bool is_asked = true;
   while (true) {
     Answer answer = is_asked
                         ? query(a.view(), frame_a, b.view(), frame_b, options)

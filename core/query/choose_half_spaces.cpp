@@ -11,7 +11,8 @@
 namespace nearmesh {
 namespace {
 
-/// The corners of an obstacle, in own units. The drift is left out: what is chosen is tested with it.
+/// The corners of an obstacle, in own units. The drift is left out: what is chosen is tested with
+/// it.
 void add_corners(const Obstacle& obstacle, std::vector<Vec3>& to) {
   if (obstacle.face) {
     to.insert(to.end(), obstacle.face->begin(), obstacle.face->end());
@@ -57,8 +58,8 @@ class Chooser {
           {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
   }
 
-  /// The half-space that parts most of these obstacles from the points, among those that look about from the points to
-  /// their hull; nothing where none parts any.
+  /// The half-space that parts most of these obstacles from the points, among those that look about
+  /// from the points to their hull; nothing where none parts any.
   std::optional<HalfSpace> choose(std::span<const Obstacle* const> obstacles) const {
     const std::optional<Vec3> direction = direction_to(obstacles);
     if (!direction) return std::nullopt;
@@ -118,8 +119,9 @@ class Chooser {
     return tightest_half_space(points_, from_, direction);
   }
 
-  // w is a point of the difference {points} - {obstacles}, ever nearer to the origin. Where all of it lies beyond a plane
-  // across w, this plane's normal parts the two. Some more steps turn the plane towards the widest gap.
+  // w is a point of the difference {points} - {obstacles}, ever nearer to the origin. Where all of
+  // it lies beyond a plane across w, this plane's normal parts the two. Some more steps turn the
+  // plane towards the widest gap.
   std::optional<Vec3> direction_to(std::span<const Obstacle* const> obstacles) const {
     constexpr int kSteps = 32, kMore = 6;
     std::vector<Vec3> there;

@@ -19,11 +19,12 @@ namespace {
 
 using Kind = TreeEntry::Kind;
 
-/// Of the sizes of two boxes: what the walk's floats may lose of a gap along one axis or slab (box_kernels.hpp: 2^-16 of both), where
-/// of a gap along three axes together one has 0.57.
+/// Of the sizes of two boxes: what the walk's floats may lose of a gap along one axis or slab
+/// (box_kernels.hpp: 2^-16 of both), where of a gap along three axes together one has 0.57.
 constexpr double kLostOfSize = 0x1p-15;
 
-/// One tree's nodes as the other body sees them, the latest few of them: a search comes back to the same ones.
+/// One tree's nodes as the other body sees them, the latest few of them: a search comes back to the
+/// same ones.
 class PlacedNodes {
  public:
   PlacedNodes(const TreeView& tree, const RelativeFrame& tree_in_other)
@@ -53,9 +54,9 @@ struct Gap {
   TreePlace a, b;
 };
 
-/// By growing gap, nearly: gaps alike to a sixteenth go in the order of their coming, which follows from the trees' shapes. (Places in the trees'
-/// arrays depend on what was refined before, and which of two is looked at first may change the bound.) A heap took a fifth of
-/// a search's time.
+/// By growing gap, nearly: gaps alike to a sixteenth go in the order of their coming, which follows
+/// from the trees' shapes. (Places in the trees' arrays depend on what was refined before, and
+/// which of two is looked at first may change the bound.) A heap took a fifth of a search's time.
 class GapQueue {
  public:
   [[nodiscard]] bool is_empty() const { return held_words_ == 0; }
@@ -95,20 +96,23 @@ class GapQueue {
   std::uint64_t held_words_ = 0;
 };
 
-/// Pairs of boxes by growing gap. Every pair of faces lies below some pair that was counted, is still queued, or was left out
-/// with its gap noted: the least of these three is a bound, whenever the search ends.
+/// Pairs of boxes by growing gap. Every pair of faces lies below some pair that was counted, is
+/// still queued, or was left out with its gap noted: the least of these three is a bound, whenever
+/// the search ends.
 ///
-/// First it dives: from pair to pair below the nearest one, down to two ends. What it finds there says how near is near
-/// enough, so that few pairs need be queued. A pair whose gap is more than the share that is sought of the least distance found
-/// changes nothing, and is left out.
+/// First it dives: from pair to pair below the nearest one, down to two ends. What it finds there
+/// says how near is near enough, so that few pairs need be queued. A pair whose gap is more than
+/// the share that is sought of the least distance found changes nothing, and is left out.
 ///
-/// Boxes that look past each other hide a part of their gap. So the way between the nearest faces known serves as an axis, too: faces are
-/// held along it before they are held against each other. Of parts an exact search asks it as well; a bound does not, since who keeps it relies on
-/// gaps that the walk finds again (still_free).
+/// Boxes that look past each other hide a part of their gap. So the way between the nearest faces
+/// known serves as an axis, too: faces are held along it before they are held against each other.
+/// Of parts an exact search asks it as well; a bound does not, since who keeps it relies on gaps
+/// that the walk finds again (still_free).
 ///
-/// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the walk's floats may lose of that; where no
-/// unresolved node is in either part, all of it, for exact faces are held against each other whatever boxes say. Every pair of
-/// faces lies below some pair that was counted, queued or left out, so the least that these say is a bound as well.
+/// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the
+/// walk's floats may lose of that; where no unresolved node is in either part, all of it, for exact
+/// faces are held against each other whatever boxes say. Every pair of faces lies below some pair
+/// that was counted, queued or left out, so the least that these say is a bound as well.
 class NearestSearch {
  public:
   NearestSearch(const Scene& scene, Clearance sought, QueryStats& stats)
@@ -212,8 +216,8 @@ class NearestSearch {
     by_larger_ = std::min(by_larger_, by_larger);
   }
 
-  // The least gap of two blocks' faces, where it is of use. Most pairs are settled along the way, or by their extents. Faces are apart whichever axis
-  // shows it.
+  // The least gap of two blocks' faces, where it is of use. Most pairs are settled along the way,
+  // or by their extents. Faces are apart whichever axis shows it.
   void hold_faces(const Part& a, const Part& b) {
     follow_nearest();
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
@@ -267,7 +271,8 @@ class NearestSearch {
 
   using Corners = std::array<GridPoint, 3>;
 
-  /// What two parts have of the full meshes, one of them at least an unresolved node: its vertex; of faces a corner each.
+  /// What two parts have of the full meshes, one of them at least an unresolved node: its vertex;
+  /// of faces a corner each.
   void hold_corners(const Part& a, const Part& b) {
     for_each_corner(s_.a, a, [&](const GridPoint& p) {
       for_each_corner(s_.b, b, [&](const GridPoint& q) {

@@ -15,8 +15,9 @@ struct DistanceBounds {
   std::array<double, 3> nearest_a_m{}, nearest_b_m{};
 };
 
-/// Bounds of the distance of two bodies of which no faces are known to touch; infinite when either has no face. Below, an
-/// unresolved node counts with its whole box, above with the vertex that stands for it. `sought` is not kNone. Cost: by steps, at most as many as `sought` allows.
+/// Bounds of the distance of two bodies of which no faces are known to touch; infinite when either
+/// has no face. Below, an unresolved node counts with its whole box, above with the vertex that
+/// stands for it. `sought` is not kNone. Cost: by steps, at most as many as `sought` allows.
 [[nodiscard]] DistanceBounds find_distance(const Scene& scene, Clearance sought, QueryStats& stats);
 
 }  // namespace nearmesh

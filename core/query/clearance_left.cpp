@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// A point x of the model is at R x + T. Between two poses it goes |(R' - R) x + (T' - T)|, at most |R' - R| |x| + |T' - T|, with the
-// Frobenius norm for the first; no rotation is assumed to be one. The full mesh lies in the root's box, so |x| is at most its
-// reach. What both bodies are shifted by alike changes no distance: of the shifts their difference counts. The answer was about posed points, each within posing_error_m of R x + T, and so is what is asked now, or later: two
-// errors of each body, of the pose that is farther out. posing_error_m's share of a lattice is 1.7322 cells.
+// A point x of the model is at R x + T. Between two poses it goes |(R' - R) x + (T' - T)|, at most
+// |R' - R| |x| + |T' - T|, with the Frobenius norm for the first; no rotation is assumed to be one.
+// The full mesh lies in the root's box, so |x| is at most its reach. What both bodies are shifted
+// by alike changes no distance: of the shifts their difference counts. The answer was about posed
+// points, each within posing_error_m of R x + T, and so is what is asked now, or later: two errors
+// of each body, of the pose that is farther out. posing_error_m's share of a lattice is 1.7322
+// cells.
 //
-// Gaps. A test of boxes sees a point x of one body at y = S^-1 (R x + d) in the other's frame, S being that one's rotation and d the way between the
-// origins. y goes |S' - S| |R' x + d'| + |R' - R| |x| + |d' - d| at most, so a gap along an axis or a normal of that frame
-// changes by no more, and three axes together by sqrt(3) of it. A box is within its body's reach, whichever of the two it is of: where both frames
-// may have shown the gap each turn counts with the reach of both and the way between them; where it was the larger body's, a turn of the
-// smaller one counts with the smaller one's reach alone. Factors 3 are for sqrt(3), and for rotations that are so but for 1e-5.
+// Gaps. A test of boxes sees a point x of one body at y = S^-1 (R x + d) in the other's frame, S
+// being that one's rotation and d the way between the origins. y goes |S' - S| |R' x + d'| + |R' -
+// R| |x| + |d' - d| at most, so a gap along an axis or a normal of that frame changes by no more,
+// and three axes together by sqrt(3) of it. A box is within its body's reach, whichever of the two
+// it is of: where both frames may have shown the gap each turn counts with the reach of both and
+// the way between them; where it was the larger body's, a turn of the smaller one counts with the
+// smaller one's reach alone. Factors 3 are for sqrt(3), and for rotations that are so but for 1e-5.
 #include "clearance_left.hpp"
 
 #include <algorithm>

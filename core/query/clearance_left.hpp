@@ -7,7 +7,8 @@
 
 namespace nearmesh {
 
-/// What there is to know of a body for this, whatever it is held against: worked out once for many pairs.
+/// What there is to know of a body for this, whatever it is held against: worked out once for many
+/// pairs.
 struct BodyReach {
   double reach_m = 0;    ///< of the model from its origin
   double speed_mps = 0;  ///< of any of its points, at most
@@ -30,22 +31,26 @@ struct MovedBody {
 struct ClearanceLeft {
   /// The surfaces are at least so far apart at the poses of now, metres; 0: nothing follows.
   double clearance_m = 0;
-  /// For so long from now on nothing can touch, if neither is faster than its motion of now says. Infinite where neither moves.
+  /// For so long from now on nothing can touch, if neither is faster than its motion of now says.
+  /// Infinite where neither moves.
   double safe_s = 0;
-  /// Posed points are off by this much together, then and now, metres. 0, and so is what follows, of poses that are the same to the bit.
+  /// Posed points are off by this much together, then and now, metres. 0, and so is what follows,
+  /// of poses that are the same to the bit.
   double error_m = 0;
-  /// Gaps that tests of the two trees find between parts, along the axes of either and normals of their slabs, have changed by less,
-  /// metres: what a turn moves far from its centre, and rounding to floats, included.
+  /// Gaps that tests of the two trees find between parts, along the axes of either and normals of
+  /// their slabs, have changed by less, metres: what a turn moves far from its centre, and rounding
+  /// to floats, included.
   double boxes_moved_m = 0;
-  /// The same of gaps along axes and normals of the larger body alone, and but for what floats lose of a box's size: the smaller one may
-  /// turn far from the point about which the larger one is turned.
+  /// The same of gaps along axes and normals of the larger body alone, and but for what floats lose
+  /// of a box's size: the smaller one may turn far from the point about which the larger one is
+  /// turned.
   double moved_by_larger_m = 0;
 };
 
-/// Where a certified answer without a pair gave `clearance_m`, about the same two contents: no point of a body has gone farther
-/// than its pose's change takes it, whichever way it went meanwhile, and what is held does not matter. Of poses that are the same to
-/// the bit, what was said then. What both have been shifted by alike does not count.
-/// In: the pair's lattice.
+/// Where a certified answer without a pair gave `clearance_m`, about the same two contents: no
+/// point of a body has gone farther than its pose's change takes it, whichever way it went
+/// meanwhile, and what is held does not matter. Of poses that are the same to the bit, what was
+/// said then. What both have been shifted by alike does not count. In: the pair's lattice.
 [[nodiscard]] ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice_exp,
                                            double clearance_m);
 

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Contacts of touching faces.
 //
-// Position error. An end is computed relative to the first corner of its pair's a-face: error at most 9 u E cells
-// (triangle_intersection.hpp), with u = 2^-53 and E the pair's extent. Moving it to the world rounds the corner's
-// coordinate (only beyond 2^53 cells) and the sum: at most u |corner| + 1.01 u (|corner| + E) a coordinate, hence
-// 3.5 u |corner| + 1.8 u E in length. 11 u E + 4 u |corner| covers both, with the greatest of each over all pairs.
-// Scaling by a power of two is exact. Segments between such ends lie as near, since both faces are convex.
+// Position error. An end is computed relative to the first corner of its pair's a-face: error at
+// most 9 u E cells (triangle_intersection.hpp), with u = 2^-53 and E the pair's extent. Moving it
+// to the world rounds the corner's coordinate (only beyond 2^53 cells) and the sum: at most u
+// |corner| + 1.01 u (|corner| + E) a coordinate, hence 3.5 u |corner| + 1.8 u E in length. 11 u E +
+// 4 u |corner| covers both, with the greatest of each over all pairs. Scaling by a power of two is
+// exact. Segments between such ends lie as near, since both faces are convex.
 //
-// Normal error. A face's normal is an exact integer vector; as a double unit vector it is off by less than 6 u (u for
-// each conversion, 4 u for the length, u for the division), the mean likewise from unit length, and their difference
-// rounds by less than 8 u: 32 u are added to the chord between them. The angle comes from the chord by halvings, square
-// roots alone: library sines differ between machines.
+// Normal error. A face's normal is an exact integer vector; as a double unit vector it is off by
+// less than 6 u (u for each conversion, 4 u for the length, u for the division), the mean likewise
+// from unit length, and their difference rounds by less than 8 u: 32 u are added to the chord
+// between them. The angle comes from the chord by halvings, square roots alone: library sines
+// differ between machines.
 #include "nearmesh/core/query/contacts.hpp"
 
 #include <algorithm>
@@ -309,7 +311,8 @@ class Assembly {
     set_normal(mean_normal(a_, merge(weights_a_)), mean_normal(b_, merge(weights_b_)), patch);
   }
 
-  // Each face once, ascending. Weights are added in the order of the other side's faces, whichever body comes first.
+  // Each face once, ascending. Weights are added in the order of the other side's faces, whichever
+  // body comes first.
   static const std::vector<FaceWeight>& merge(std::vector<FaceWeight>& weights) {
     std::stable_sort(weights.begin(), weights.end(),
                      [](const FaceWeight& x, const FaceWeight& y) { return x.face < y.face; });
@@ -348,9 +351,9 @@ class Assembly {
   std::vector<FaceWeight> weights_a_, weights_b_;
 };
 
-/// 0 for an exact face. Else how far a current face may be from the original face that it stands for: each corner
-/// moved by at most its node's bound, times what a near-rotation may stretch (R^T R is the identity within 1e-5), and
-/// both ends were rounded to the lattice.
+/// 0 for an exact face. Else how far a current face may be from the original face that it stands
+/// for: each corner moved by at most its node's bound, times what a near-rotation may stretch (R^T
+/// R is the identity within 1e-5), and both ends were rounded to the lattice.
 double face_uncertainty_m(const ActiveMesh& mesh, const PosedFrame& frame, const FaceKey& key) {
   const SplitFace face = mesh.store().face(key);
   if (mesh.is_exact(face)) return 0;

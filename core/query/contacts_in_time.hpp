@@ -8,8 +8,8 @@
 
 namespace nearmesh {
 
-/// find_contacts(), or nothing where `is_over` said so before the end: contacts that depend on when it ended would be none.
-/// Asked each kPairsALook pairs of faces, some 60 us.
+/// find_contacts(), or nothing where `is_over` said so before the end: contacts that depend on when
+/// it ended would be none. Asked each kPairsALook pairs of faces, some 60 us.
 [[nodiscard]] std::optional<Contacts> find_contacts(const TreeView& a, const PosedFrame& frame_a,
                                                     const TreeView& b, const PosedFrame& frame_b,
                                                     const Answer& answer, const IsOver* is_over);

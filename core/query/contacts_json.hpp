@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A patch of contact as JSON, for whoever has nlohmann's library, which calls this by itself; the fields are described
-// in docs/answers.md.
+// A patch of contact as JSON, for whoever has nlohmann's library, which calls this by itself; the
+// fields are described in docs/answers.md.
 
 #include <vector>
 

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points;
-// so every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face
-// that is not exact lies inside the box of an unresolved node (core/THEOREM.md); when the ray meets no such box, it crosses
-// exact faces only, and all of them are seen.
+// Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a
+// function of grid points; so every point off it has a winding number, which is the signed number
+// of faces that a ray from it crosses. A face that is not exact lies inside the box of an
+// unresolved node (core/THEOREM.md); when the ray meets no such box, it crosses exact faces only,
+// and all of them are seen.
 //
-// Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of the point p we look
-// at p' = p + (du, dv) with infinitely small 0 < dv << du << 1. p is off the surface, hence p' is on the same side, and
-// the ray from p' meets no edge and no face that stands upright, so that rays through corners and edges need no case of
-// their own. In the plane (u, v) an edge counts by half-open intervals of v, which is dv > 0, and a point on an edge as
-// lying to the right of it, which is du >> dv.
+// Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of
+// the point p we look at p' = p + (du, dv) with infinitely small 0 < dv << du << 1. p is off the
+// surface, hence p' is on the same side, and the ray from p' meets no edge and no face that stands
+// upright, so that rays through corners and edges need no case of their own. In the plane (u, v) an
+// edge counts by half-open intervals of v, which is dv > 0, and a point on an edge as lying to the
+// right of it, which is du >> dv.
 #include "containment.hpp"
 
 #include <algorithm>
@@ -31,14 +33,15 @@ int sign(Int x) {
 
 /// Conservative tests of one ray against boxes in the solid's grid.
 ///
-/// First the box along the lattice's axes, exact. Then, for turned solids, in doubles along six axes n: the normals of
-/// the sides of the box's shadow on the plane (u, v), a hexagon whose sides run along the shadows of the grid's axes;
-/// and the grid's axes themselves, along each of which the ray goes one way for ever.
-/// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in the grid span at
-/// most sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64
-/// roundings of values below 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell
-/// on each axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact, and so is the
-/// way that the ray goes, an integer's sign.
+/// First the box along the lattice's axes, exact. Then, for turned solids, in doubles along six
+/// axes n: the normals of the sides of the box's shadow on the plane (u, v), a hexagon whose sides
+/// run along the shadows of the grid's axes; and the grid's axes themselves, along each of which
+/// the ray goes one way for ever. In lattice cells relative to the frame's translation all
+/// magnitudes are below 2^41: positions in the grid span at most sqrt(3) 2^38 cells, the ray starts
+/// within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64 roundings of values below
+/// 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell on each
+/// axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact,
+/// and so is the way that the ray goes, an integer's sign.
 class RayTest {
  public:
   RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {
@@ -121,8 +124,8 @@ int turns_round(const LatticeTriangle& t, const LatticePoint& p, int u, int v) {
   return turns;
 }
 
-/// On which side of the triangle's plane the point lies: 1 where the corners run counter-clockwise as seen from it.
-/// At most 6 * 2^120, within 128 bits.
+/// On which side of the triangle's plane the point lies: 1 where the corners run counter-clockwise
+/// as seen from it. At most 6 * 2^120, within 128 bits.
 int side_of_plane(const LatticeTriangle& t, const LatticePoint& p) {
   std::array<std::array<Int128, 3>, 3> d;
   for (int k = 0; k < 3; ++k) {
@@ -143,8 +146,8 @@ int side_of_plane(const LatticeTriangle& t, const LatticePoint& p) {
 int signed_crossing(const Ray& ray, const LatticeTriangle& t) {
   const int turns = turns_round(t, ray.from, (ray.axis + 1) % 3, (ray.axis + 2) % 3);
   if (turns == 0) return 0;
-  // turns > 0: the normal looks along +w. An upward ray leaves through it when the point is behind the plane.
-  // Never 0, which would put the point on the face.
+  // turns > 0: the normal looks along +w. An upward ray leaves through it when the point is behind
+  // the plane. Never 0, which would put the point on the face.
   const int side = side_of_plane(t, ray.from);
   if (ray.upward) return side == -turns ? turns : 0;
   return side == turns ? -turns : 0;

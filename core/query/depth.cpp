@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth along a direction, in steps of a lattice cell. By k steps B moves by k times the direction, rounded to whole cells, so its
-// posed mesh moves as it is, and faces may be tested exactly at any step. Far from the origin the doubles of B's translation are farther apart
-// than cells: there a step is of as many cells as they are, and B moves by whole steps along each axis, or a query would be asked about
-// another place than the step's.
+// Depth along a direction, in steps of a lattice cell. By k steps B moves by k times the direction,
+// rounded to whole cells, so its posed mesh moves as it is, and faces may be tested exactly at any
+// step. Far from the origin the doubles of B's translation are farther apart than cells: there a
+// step is of as many cells as they are, and B moves by whole steps along each axis, or a query
+// would be asked about another place than the step's.
 //
-// From below. Faces f and g are convex, so {w : f and g + w touch} is convex: touching at steps j and k they touch all along the
-// straight way between, which is within a cell of the line. The search holds a pair that touches at the step it has reached, goes
-// as far as that one touches, asks what touches one step further, and takes of these pairs one that touches at the step before, too.
-// Where there is none, or what is there is not exact, it ends.
-// From above. Further steps, four times as far each time, until B is certified free; then halves of what is between.
+// From below. Faces f and g are convex, so {w : f and g + w touch} is convex: touching at steps j
+// and k they touch all along the straight way between, which is within a cell of the line. The
+// search holds a pair that touches at the step it has reached, goes as far as that one touches,
+// asks what touches one step further, and takes of these pairs one that touches at the step before,
+// too. Where there is none, or what is there is not exact, it ends.
+// From above. Further steps, four times as far each time, until B is certified free; then halves of
+// what is between.
 #include "nearmesh/core/query/depth.hpp"
 
 #include <algorithm>
@@ -31,7 +34,8 @@ constexpr std::size_t kMostPatches = 4;
 constexpr std::size_t kMostPairs = 128;
 /// What cells_until_apart() counts for, in tests.
 constexpr std::uint64_t kTestsAGuess = 32;
-/// A query is given at least so many, which is enough where boxes are apart: so some place is found that is free.
+/// A query is given at least so many, which is enough where boxes are apart: so some place is found
+/// that is free.
 constexpr std::uint64_t kLeastTests = 4096;
 /// The bracket is narrowed until what is left open is this share of it.
 constexpr Step kNarrow = 256;
@@ -46,7 +50,8 @@ Vec3 unit(Vec3 v) {
   return v;
 }
 
-/// About how many cells b can go along n and still touch a: each axis along which triangles can be apart is tried. A guess, in doubles.
+/// About how many cells b can go along n and still touch a: each axis along which triangles can be
+/// apart is tried. A guess, in doubles.
 double cells_until_apart(const LatticeTriangle& a, const LatticeTriangle& b, const Vec3& n) {
   std::array<Vec3, 3> x, y;
   for (std::size_t i = 0; i < 3; ++i)
@@ -90,7 +95,8 @@ struct Touching {
   Step cells_a_step;
 };
 
-/// As many as a double tells apart at B's translation and wherever a search takes it: bodies that touch are apart after a way of their sizes.
+/// As many as a double tells apart at B's translation and wherever a search takes it: bodies that
+/// touch are apart after a way of their sizes.
 Step cells_a_step(const PosedPair& posed, const GridBox& box_a, const GridBox& box_b,
                   const Pose& pose_b) {
   double farthest = 0, sizes = 0;
@@ -143,7 +149,8 @@ class WayOut {
   [[nodiscard]] std::uint64_t spent() const { return tests_of(stats_) + kTestsAGuess * guesses_; }
 
  private:
-  /// Beyond it the bodies' boxes are apart, along an axis that a query tries: one of them is within 55 degrees of the direction.
+  /// Beyond it the bodies' boxes are apart, along an axis that a query tries: one of them is within
+  /// 55 degrees of the direction.
   [[nodiscard]] Step farthest_step() const {
     const LatticeBox box_a = pose_box(t_.posed.a, t_.a.root().box),
                      box_b = pose_box(t_.posed.b, t_.b.root().box);
@@ -157,7 +164,8 @@ class WayOut {
     return (cells + t_.cells_a_step - 1) / t_.cells_a_step;
   }
 
-  /// What touches after so many steps; nothing known where B may not be placed there, or not just there.
+  /// What touches after so many steps; nothing known where B may not be placed there, or not just
+  /// there.
   Answer ask(Step step) {
     Pose moved = t_.pose_b;
     const std::array<Step, 3> way = cells(step);
@@ -198,8 +206,8 @@ class WayOut {
   /// Where pairs were found to touch.
   struct Found {
     TouchingFaces a, b;
-    std::vector<std::pair<double, std::uint32_t>>
-        farthest_first;  // steps from there; place among the pairs
+    // Steps from there; place among the pairs.
+    std::vector<std::pair<double, std::uint32_t>> farthest_first;
   };
   Found look_at(const std::vector<FacePair>& pairs, Step step) {
     guesses_ += pairs.size();
@@ -217,7 +225,8 @@ class WayOut {
     return found;
   }
 
-  /// Goes from the step reached as far as one of the pairs goes that touch there and at `step`, where they were found. False where none does.
+  /// Goes from the step reached as far as one of the pairs goes that touch there and at `step`,
+  /// where they were found. False where none does.
   bool leap(const std::vector<FacePair>& pairs, Step step) {
     const Found found = look_at(pairs, step);
     for (const auto& [steps, i] : found.farthest_first) {
@@ -264,7 +273,8 @@ class WayOut {
       undecided_ = std::move(answer);
   }
 
-  /// Whether B is certified free after so many steps; else `blocked_` is where it is not, as far as is easily known.
+  /// Whether B is certified free after so many steps; else `blocked_` is where it is not, as far as
+  /// is easily known.
   bool try_step(Step step) {
     Answer there = ask(step);
     if (there.status == AnswerStatus::kFree) {
@@ -297,7 +307,8 @@ class WayOut {
     blocked_ = std::max(blocked_, reached_);
     while (free_ - blocked_ > 1 && free_ - blocked_ > (free_ - reached_) / kNarrow) {
       if (has_run_out()) return;
-      // What touches there may reach beyond the free step, where it would stop the search: it does not count then.
+      // What touches there may reach beyond the free step, where it would stop the search: it does
+      // not count then.
       const Step last = free_;
       (void)try_step(blocked_ + (free_ - blocked_) / 2);
       blocked_ = std::min(blocked_, last - 1);

@@ -7,7 +7,8 @@
 
 namespace nearmesh {
 
-/// Whether both are exact faces of the meshes as they are, and touch where they are placed. Names may be anything. Exact.
+/// Whether both are exact faces of the meshes as they are, and touch where they are placed. Names
+/// may be anything. Exact.
 [[nodiscard]] bool faces_touch(const ActiveMesh& a, const PosedFrame& frame_a,
                                const FaceKey& face_a, const ActiveMesh& b,
                                const PosedFrame& frame_b, const FaceKey& face_b);

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A ray p + t d against a face with the corners p + v_i. For a face with a plane that the ray crosses:
-//   the line of the ray passes on one side of all three edges:  s_i = d . (v_i x (v_(i+1) - v_i)) have no two signs;
-//   it meets the plane at t = (n . v_0) / (n . d), n the plane's normal.
-// In doubles first. Differences of lattice points are exact there. Each of these numbers is a triple product, off by less than 2^-47 of the product
-// of its factors' greatest components (triangle_overlap.cpp). What that leaves open, and all that has no plane or lies in it, is
+// A ray p + t d against a face with the corners p + v_i. For a face with a plane that the ray
+// crosses:
+//   the line of the ray passes on one side of all three edges:  s_i = d . (v_i x (v_(i+1) - v_i))
+//   have no two signs; it meets the plane at t = (n . v_0) / (n . d), n the plane's normal.
+// In doubles first. Differences of lattice points are exact there. Each of these numbers is a
+// triple product, off by less than 2^-47 of the product of its factors' greatest components
+// (triangle_overlap.cpp). What that leaves open, and all that has no plane or lies in it, is
 // decided on integers: whether they meet by triangles_overlap(), where by exact_hit().
 #include "lattice_probes.hpp"
 
@@ -58,7 +60,8 @@ ExactTime make_time(Int128 over, Int128 under) {
 }
 bool is_on_ray(const ExactTime& t) { return t.over >= 0 && t.over <= t.under; }
 
-/// The first common point with a segment or point from a to b, where the ray has a length and does not start on it.
+/// The first common point with a segment or point from a to b, where the ray has a length and does
+/// not start on it.
 std::optional<ExactTime> first_on_segment(const LatticeRay& ray, const LatticePoint& a,
                                           const LatticePoint& b) {
   const Wide3 d = subtract<Int128>(ray.to.v, ray.from.v), e = subtract<Int128>(b.v, a.v),
@@ -112,7 +115,8 @@ ExactTime exact_hit(const LatticeRay& ray, const LatticeTriangle& face) {
       cross(subtract<Int128>(face[1].v, face[0].v), subtract<Int128>(face[2].v, face[0].v));
   if (const Int128 towards = dot(normal, d); towards != 0)
     return make_time(dot(normal, subtract<Int128>(face[0].v, ray.from.v)), towards);
-  // In the face's plane, or the face has none. The ray starts in the face, or comes into it over an edge.
+  // In the face's plane, or the face has none. The ray starts in the face, or comes into it over an
+  // edge.
   if (is_zero(d) || triangles_overlap({ray.from, ray.from, ray.from}, face)) return {};
   std::optional<ExactTime> first;
   for (std::size_t i = 0; i < 3; ++i)
@@ -154,7 +158,8 @@ std::optional<RayHit> first_hit(const LatticeRay& ray, const LatticeTriangle& fa
   return RayHit{static_cast<double>(exact.over) / static_cast<double>(exact.under), kRoundedTime};
 }
 
-/// The point of a triangle next to the centre is a corner, on an edge, or in its plane right below the centre.
+/// The point of a triangle next to the centre is a corner, on an edge, or in its plane right below
+/// the centre.
 bool ball_meets(const LatticeBall& ball, const LatticeTriangle& face) {
   const Int128 radius = ball.radius;
   const auto times_radius = [&](const Wide3& v) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Probes on the lattice against one posed face: where a ray first meets it, whether a ball does. Decided exactly, compared exactly.
+// Probes on the lattice against one posed face: where a ray first meets it, whether a ball does.
+// Decided exactly, compared exactly.
 
 #include <compare>
 #include <optional>
@@ -10,8 +11,8 @@
 
 namespace nearmesh {
 
-/// All points from + t (to - from), t in [0, 1]. Coordinates of rays and faces differ by less than 2^36: models of 31 bits on a lattice of a
-/// quarter of their cell, and worlds, turned anyhow.
+/// All points from + t (to - from), t in [0, 1]. Coordinates of rays and faces differ by less than
+/// 2^36: models of 31 bits on a lattice of a quarter of their cell, and worlds, turned anyhow.
 struct LatticeRay {
   LatticePoint from, to;
   bool operator==(const LatticeRay&) const = default;
@@ -28,12 +29,14 @@ struct RayHit {
   double t = 0, error = 0;
 };
 
-/// The first common point of the ray and the closed triangle, which may be a segment or a point, as may the ray; nothing where they have none.
+/// The first common point of the ray and the closed triangle, which may be a segment or a point, as
+/// may the ray; nothing where they have none.
 [[nodiscard]] std::optional<RayHit> first_hit(const LatticeRay& ray, const LatticeTriangle& face);
 /// Precondition: first_hit() found one.
 [[nodiscard]] ExactTime exact_hit(const LatticeRay& ray, const LatticeTriangle& face);
 
-/// A closed ball. Coordinates of its centre and of faces differ by less than 2^42, and the radius is at most kMaxBallRadius.
+/// A closed ball. Coordinates of its centre and of faces differ by less than 2^42, and the radius
+/// is at most kMaxBallRadius.
 struct LatticeBall {
   LatticePoint center;
   std::int64_t radius = 0;

@@ -11,8 +11,8 @@
 
 namespace nearmesh {
 
-/// Unresolved nodes that a sweep met, those of the tree and parts of missing ones: by number, since it comes back to the same ones in
-/// each interval.
+/// Unresolved nodes that a sweep met, those of the tree and parts of missing ones: by number, since
+/// it comes back to the same ones in each interval.
 class MetNodes {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffU;
@@ -21,11 +21,11 @@ class MetNodes {
     std::uint32_t whole = kNone;              ///< what it is a part of
     std::uint32_t parts[2] = {kNone, kNone};  ///< of more than one vertex, where they are known
     std::uint32_t open_parts = 0;             ///< of which something may be found yet
-    double since_s =
-        0;  ///< of a missing one: the start of the first interval in which it might touch
+    /// Of a missing one: the start of the first interval in which it might touch.
+    double since_s = 0;
     bool has_half_spaces = false, is_missing = false, has_parts = false;
-    bool is_settled =
-        false;  ///< it is missing, and so is all below it: nothing more is to be found
+    /// It is missing, and so is all below it: nothing more is to be found.
+    bool is_settled = false;
   };
   /// Of an entry of the tree.
   std::uint32_t number_of(const TreeView& tree, const TreeEntry& entry) {

@@ -13,7 +13,8 @@ namespace {
 
 using Kind = TreeEntry::Kind;
 
-/// An obstacle may move by so much of the node that it is near to: more instants would be more obstacles.
+/// An obstacle may move by so much of the node that it is near to: more instants would be more
+/// obstacles.
 constexpr double kSmallWay = 1.0 / 8;
 
 }  // namespace

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Batches of probes against one body: what is asked is put on the body's lattice, held against its tree, and told in metres.
+// Batches of probes against one body: what is asked is put on the body's lattice, held against its
+// tree, and told in metres.
 #include "nearmesh/core/query/probe.hpp"
 
 #include <algorithm>
@@ -68,7 +69,7 @@ Result<PosedFrame> probe_frame(const Grid& grid, const Pose& pose) {
   return make_posed_frame(grid, pose, lattice_exponent(grid, grid));
 }
 
-// ---- what answers lack ----------------------------------------------------------------------------
+// ---- what answers lack --------------------------------------------------------------------------
 
 void NeedsMaker::add(NodeSpan node, const GridBox& where) {
   const auto [at, is_new] = parts_.try_emplace(node.begin(), Part{node, where});
@@ -84,7 +85,7 @@ ProbeNeeds NeedsMaker::take(const QueryStats& stats) {
   return needs;
 }
 
-// ---- rays -----------------------------------------------------------------------------------------
+// ---- rays ---------------------------------------------------------------------------------------
 
 Status check_ray(const RayProbe& ray, std::size_t place) {
   if (!is_place(ray.origin_m)) return refuse("ray", place, std::string("origin_m: ") + kPlaceRange);
@@ -186,7 +187,7 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
   return needs.take(stats);
 }
 
-// ---- points ---------------------------------------------------------------------------------------
+// ---- points -------------------------------------------------------------------------------------
 
 namespace {
 
@@ -244,7 +245,7 @@ Result<ProbeNeeds> probe(const TreeView& solid, const Pose& pose,
   return needs.take(stats);
 }
 
-// ---- balls ----------------------------------------------------------------------------------------
+// ---- balls --------------------------------------------------------------------------------------
 
 namespace {
 
@@ -356,11 +357,12 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
   return needs.take(stats);
 }
 
-// ---- boxes ----------------------------------------------------------------------------------------
+// ---- boxes --------------------------------------------------------------------------------------
 
 namespace {
 
-/// The box as a closed body of twelve faces, on a grid of the probed body's cell or, where it is very large, of a coarser one.
+/// The box as a closed body of twelve faces, on a grid of the probed body's cell or, where it is
+/// very large, of a coarser one.
 TriangleTree make_box(const std::array<double, 3>& half_m, const Grid& body) {
   constexpr int kMostBits = 30;
   const double most_m = std::max({half_m[0], half_m[1], half_m[2]});

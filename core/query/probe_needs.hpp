@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What probes of one body, or of a world's tiles, have in common inside: how a ray is checked, cut, told and what it lacks collected.
+// What probes of one body, or of a world's tiles, have in common inside: how a ray is checked, cut,
+// told and what it lacks collected.
 
 #include <map>
 

@@ -72,8 +72,8 @@ class Query {
     return tests_of(answer_.stats) >= options_.max_tests || is_time_over(options_.is_over);
   }
 
-  // Names what to split next, unless the pair is proved apart, or has a part that is named already: it will be looked at
-  // again once that is split.
+  // Names what to split next, unless the pair is proved apart, or has a part that is named already:
+  // it will be looked at again once that is split.
   void settle(const UnresolvedPair& pair) {
     const TreeEntry a = s_.a.nodes[pair.a / kLanes].entry(pair.a % kLanes),
                     b = s_.b.nodes[pair.b / kLanes].entry(pair.b % kLanes);
@@ -103,8 +103,8 @@ class Query {
     }
   }
 
-  // Whether a half-space of an unresolved node keeps it clear of the other side's box. (One of them is in its lane's slab, but
-  // the walk tests that in floats.)
+  // Whether a half-space of an unresolved node keeps it clear of the other side's box. (One of them
+  // is in its lane's slab, but the walk tests that in floats.)
   bool parted(const TreeView& own, const TreeEntry& node, const RelativeFrame& other_in_own,
               const GridBox& other) {
     return half_spaces_part(own, node, [&](const BoundedPart& part) {
@@ -178,7 +178,8 @@ class Query {
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
   }
 
-  // The surfaces are apart. Each question is answered to the end, so that a certified answer is the same on every peer.
+  // The surfaces are apart. Each question is answered to the end, so that a certified answer is the
+  // same on every peer.
   void settle_containment() {
     const TreeEntry root_a = s_.a.root(), root_b = s_.b.root();
     if (root_a.kind() == Kind::kEmpty || root_b.kind() == Kind::kEmpty ||

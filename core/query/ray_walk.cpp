@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays through a tree, eight boxes at a time; once for each instruction set. Of all rays of a batch sixteen parts are in flight, as in walk.cpp,
-// so that none waits for another's memory, and what a test comes to need not be foretold.
+// Rays through a tree, eight boxes at a time; once for each instruction set. Of all rays of a batch
+// sixteen parts are in flight, as in walk.cpp, so that none waits for another's memory, and what a
+// test comes to need not be foretold.
 //
-// In which units. Boxes stay in the body's grid; a ray is brought there. A posed corner lies within half a lattice cell, along each axis of the
-// lattice, of where the frame's matrix M takes its grid point, and a face's points between. So what M's inverse takes back lies within half the
-// sum of |M^-1|'s row of the box: `margin`. The rest of it is for doubles. M has exact entries, 30 bits; its cofactors and its determinant, near
-// 1 in lattice cells a cell, are off by less than 2^-49 of their size; points are less than 2^36 lattice cells from the
-// frame's origin, so they come out right to 2^-12 lattice cells: a sixteenth more of a cell is plenty.
+// In which units. Boxes stay in the body's grid; a ray is brought there. A posed corner lies within
+// half a lattice cell, along each axis of the lattice, of where the frame's matrix M takes its grid
+// point, and a face's points between. So what M's inverse takes back lies within half the sum of
+// |M^-1|'s row of the box: `margin`. The rest of it is for doubles. M has exact entries, 30 bits;
+// its cofactors and its determinant, near 1 in lattice cells a cell, are off by less than 2^-49 of
+// their size; points are less than 2^36 lattice cells from the frame's origin, so they come out
+// right to 2^-12 lattice cells: a sixteenth more of a cell is plenty.
 //
-// Slabs. On axis k the ray is within [lo, hi] from t = (near - o) / d to (far - o) / d. Coordinates are below 2^35 here: difference, reciprocal and
-// product together shift a plane by less than 2^-15 grid units, and margins have 2^-14 for that. A ray that moves by less than 2^-20 along
-// an axis is taken to move by so much. So the t at which a ray enters a box, as computed, is never later than the true
-// t of anything in the box; and what is entered after it is left, or after what is known to be hit, is not met before that.
+// Slabs. On axis k the ray is within [lo, hi] from t = (near - o) / d to (far - o) / d. Coordinates
+// are below 2^35 here: difference, reciprocal and product together shift a plane by less than 2^-15
+// grid units, and margins have 2^-14 for that. A ray that moves by less than 2^-20 along an axis is
+// taken to move by so much. So the t at which a ray enters a box, as computed, is never later than
+// the true t of anything in the box; and what is entered after it is left, or after what is known
+// to be hit, is not met before that.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/query/ray_walk.cpp"
@@ -80,7 +85,8 @@ class RayWalk {
     aim.limit = 1;
   }
 
-  /// Which lanes the ray is in for a while before its limit, and from when on. `planes(k, i, lo, hi)` loads those of the lanes from i on.
+  /// Which lanes the ray is in for a while before its limit, and from when on. `planes(k, i, lo,
+  /// hi)` loads those of the lanes from i on.
   template <class Planes>
   static HWY_INLINE std::uint32_t meets(const Aim& aim, const Planes& planes,
                                         double (&enter)[kLanes]) {
@@ -110,8 +116,8 @@ class RayWalk {
     for (std::size_t at = 0; at < sizeof(Thing); at += 64) __builtin_prefetch(first + at);
   }
 
-  /// The latest few parts at once, so that one test need not wait for the other; what of them is inner is opened. Of several lanes that a ray
-  /// meets the nearest comes next.
+  /// The latest few parts at once, so that one test need not wait for the other; what of them is
+  /// inner is opened. Of several lanes that a ray meets the nearest comes next.
   void step() {
     const std::size_t count = std::min(count_, kBatch);
     Waiting opened[kBatch];

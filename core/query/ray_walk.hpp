@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Rays through one tree: the first exact face that each meets, and the unresolved nodes whose boxes it may meet up to there.
+// Rays through one tree: the first exact face that each meets, and the unresolved nodes whose boxes
+// it may meet up to there.
 
 #include <span>
 #include <vector>
@@ -18,10 +19,11 @@ struct CutRay {
 
   [[nodiscard]] double at_m(double t) const { return begin_m + t * (end_m - begin_m); }
 };
-/// `bounds` may be grown by a cell, and by what doubles tell at such a place. Preconditions: the ray is finite but for its range, which is not negative; its
-/// direction is not 0.
+/// `bounds` may be grown by a cell, and by what doubles tell at such a place. Preconditions: the
+/// ray is finite but for its range, which is not negative; its direction is not 0.
 [[nodiscard]] CutRay cut_ray(const RayProbe& ray, const LatticeBox& bounds, int lattice_exp);
-/// Holds every posed vertex of any model in the frame's grid: so how a ray is cut follows from grid and pose alone.
+/// Holds every posed vertex of any model in the frame's grid: so how a ray is cut follows from grid
+/// and pose alone.
 [[nodiscard]] LatticeBox bounds_of(const PosedFrame& frame);
 
 /// An unresolved node that a ray may meet, no earlier than `enter`.
@@ -39,15 +41,18 @@ struct RayFound {
   /// From there on nothing matters any more.
   [[nodiscard]] double limit() const { return has_face ? hit.t + hit.error : 1; }
 };
-/// Whether a hit of the ray comes before another: earlier, or at the same point with the lesser key.
+/// Whether a hit of the ray comes before another: earlier, or at the same point with the lesser
+/// key.
 [[nodiscard]] bool comes_before(const LatticeRay& ray, const RayFound& one, const RayFound& other);
 
-/// Lattice points in units of a body's grid, in doubles, with what that and the posing of vertices leave open.
+/// Lattice points in units of a body's grid, in doubles, with what that and the posing of vertices
+/// leave open.
 struct GridView {
   explicit GridView(const PosedFrame& frame);
   [[nodiscard]] std::array<double, 3> point(const LatticePoint& at) const;
 
-  /// A posed face whose corners' grid points lie in a box lies, as seen here, within this of the box, a ray's rounding included (ray_walk.cpp).
+  /// A posed face whose corners' grid points lie in a box lies, as seen here, within this of the
+  /// box, a ray's rounding included (ray_walk.cpp).
   std::array<double, 3> margin{};
 
  private:

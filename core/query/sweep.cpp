@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Time by halves, earliest first; in each interval both trees are walked together with boxes grown by the motion.
+// Time by halves, earliest first; in each interval both trees are walked together with boxes grown
+// by the motion.
 //
 // The bound. Let m be the middle of an interval of half-length h, and t in [m - h, m + h].
-// 1. The relative frame of the two placements at m (make_relative_frame of poses) is that of pose_at, up to doubles,
-//    which are inside its slack; pose_at is within placing_error_m of the true motion.
-// 2. From m to t the true motion takes a point of B, as seen from A's place at m, by (v_b - v_a)(t - m), which is what
-//    `along` holds for h, and besides turns it by at most |w_b| h |R0 x_b| and a point of A by |w_a| h |R0 x_a|: an arc is
-//    longer than its chord. |R0 x| <= 1.0001 reach (check_pose), reach that of the node's own box.
+// 1. The relative frame of the two placements at m (make_relative_frame of poses) is that of
+//    pose_at, up to doubles, which are inside its slack; pose_at is within placing_error_m of the
+//    true motion.
+// 2. From m to t the true motion takes a point of B, as seen from A's place at m, by (v_b - v_a)(t
+//    - m), which is what `along` holds for h, and besides turns it by at most |w_b| h |R0 x_b| and
+//    a point of A by |w_a| h |R0 x_a|: an arc is longer than its chord. |R0 x| <= 1.0001 reach
+//    (check_pose), reach that of the node's own box.
 // 3. At t a point of a posed triangle is within posing_error_m of the true motion's.
-// 4. Where the motions' poses have themselves been taken to the start (core/query/answer.cpp), each is off by placing_error_m of the way there,
-//    and stays so: what moves on rigidly from two such places is no farther apart later. Both are in start_error_m, which goes into `around`.
-// So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors, and boxes that stay apart
-// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (core/THEOREM.md).
-// Instants k T / 2^n are rounded to doubles: m and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
+// 4. Where the motions' poses have themselves been taken to the start (core/query/answer.cpp), each
+//    is off by placing_error_m of the way there, and stays so: what moves on rigidly from two such
+//    places is no farther apart later. Both are in start_error_m, which goes into `around`.
+// So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors,
+// and boxes that stay apart under that drift have no common point at t, whether rigid or posed;
+// boxes enclose what is not refined (core/THEOREM.md). Instants k T / 2^n are rounded to doubles: m
+// and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
 #include "nearmesh/core/query/sweep.hpp"
 
 #include <algorithm>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How two bodies that move stand to one another in parts of a time span: frames at the middle of a part, and bounds of how far
-// the rest of it is from there (the proof: sweep.cpp). For all that walks two trees over a time.
+// How two bodies that move stand to one another in parts of a time span: frames at the middle of a
+// part, and bounds of how far the rest of it is from there (the proof: sweep.cpp). For all that
+// walks two trees over a time.
 
 #include <cstdint>
 #include <string_view>
@@ -17,7 +18,8 @@ inline constexpr double kMinSweep_s = 1e-9, kMaxSweep_s = 1e9;
 /// Takes away the doubt of the last few operations.
 inline constexpr double kRoundUp = 1 + 0x1p-40;
 
-/// One of the two, with what does not change on the way. The motion is one that check_way() accepted.
+/// One of the two, with what does not change on the way. The motion is one that check_way()
+/// accepted.
 struct Mover {
   const TreeView& tree;
   const Motion& motion;
@@ -26,11 +28,12 @@ struct Mover {
   Mover(const TreeView& its_tree, const Motion& its_motion);
 };
 
-/// Errors: those of check_motion() and check_pose(), now and at the end; kInvalidArgument, naming the body, where it turns by more than
-/// pose_at() follows.
+/// Errors: those of check_motion() and check_pose(), now and at the end; kInvalidArgument, naming
+/// the body, where it turns by more than pose_at() follows.
 [[nodiscard]] Status check_way(const Motion& motion, std::string_view name, double duration_s);
 
-/// What is looked at ahead: sixty-four steps; of bodies at rest, or for no time, one of hardly any length.
+/// What is looked at ahead: sixty-four steps; of bodies at rest, or for no time, one of hardly any
+/// length.
 struct AheadOf {
   AheadOf(const Motion& a, const Motion& b, double seconds);
 
@@ -60,7 +63,8 @@ struct SweptFrame {
   }
 };
 
-/// Makes them. Parts are halves of halves, 2^time_levels at most. Movers are kept by reference. Threads: one at a time.
+/// Makes them. Parts are halves of halves, 2^time_levels at most. Movers are kept by reference.
+/// Threads: one at a time.
 class SweptFrames {
  public:
   /// `margin_m`: what is wanted around, beside what is known.
@@ -76,7 +80,8 @@ class SweptFrames {
 
   /// The part that starts at an instant and has so many.
   void set(SweptFrame& frame, std::uint64_t first, std::uint64_t length) const;
-  /// How far two parts of bodies, in these boxes, may be off beside the way, metres: `around` of the bound.
+  /// How far two parts of bodies, in these boxes, may be off beside the way, metres: `around` of
+  /// the bound.
   [[nodiscard]] double around_m(const GridBox& box_a, const GridBox& box_b,
                                 const SweptFrame& frame) const;
   /// SweptFrame::drift_in_a() of these, where one body's part is any of a node's.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The walk of two trees over a time, by halves of it: what sweep() and lacking_ahead() do. Why its bounds hold: sweep.cpp.
+// The walk of two trees over a time, by halves of it: what sweep() and lacking_ahead() do. Why its
+// bounds hold: sweep.cpp.
 
 #include <algorithm>
 #include <array>
@@ -86,8 +87,8 @@ class SweptQuery {
     int level = 0;
   };
 
-  /// Tests the last instant, and as long as there is contact, the middle of what is before: nothing later matters then.
-  /// The level of which the first interval is left to look at.
+  /// Tests the last instant, and as long as there is contact, the middle of what is before: nothing
+  /// later matters then. The level of which the first interval is left to look at.
   int level_of_first_contact() {
     int level = 0;
     const std::uint64_t last = frames_.last_instant();
@@ -170,7 +171,8 @@ class SweptQuery {
       ++answer_.stats.box_tests;
       if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
     }
-    // Known to be missing since an earlier start, or the same: its parts count, and none of its half-spaces.
+    // Known to be missing since an earlier start, or the same: its parts count, and none of its
+    // half-spaces.
     if (ka == Kind::kUnresolved && met_a_[pair.met_a].is_missing) return open_a(pair);
     if (kb == Kind::kUnresolved && met_b_[pair.met_b].is_missing) return open_b(pair);
     if (ka == Kind::kUnresolved && met_a_[pair.met_a].has_half_spaces &&
@@ -272,7 +274,8 @@ class SweptQuery {
       if (part != MetNodes::kNone) push(part);
   }
 
-  /// False when a pair is closer than the drift resolves. Such pairs are tested at the interval's instants.
+  /// False when a pair is closer than the drift resolves. Such pairs are tested at the interval's
+  /// instants.
   bool faces_stay_apart(const TreeEntry& na, const TreeEntry& nb, const View& view,
                         const Drift& drift) {
     const bool finest = is_finest(view);
@@ -324,7 +327,8 @@ class SweptQuery {
     });
   }
 
-  /// Whether what is below an inner entry or an unresolved node stays clear of the other side's exact faces.
+  /// Whether what is below an inner entry or an unresolved node stays clear of the other side's
+  /// exact faces.
   bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const TreeView& own,
                    const TreeEntry& part, const TreeView& other, const TreeEntry& faces) {
     const std::uint32_t all = (1U << faces.count()) - 1;

@@ -1,50 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
-// The walk of two trees at once: from the pair of both roots down to the pairs of faces that touch, and to the pairs with an
-// unresolved node that may.
+// The walk of two trees at once: from the pair of both roots down to the pairs of faces that touch,
+// and to the pairs with an unresolved node that may.
 //
-// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. Three kinds of pairs come out
-//    of it:
+// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. Three
+//    kinds of pairs come out of it:
 //
-//      inner x anything         One of them is opened: the larger, in metres, where both are inner. Its eight lanes are
-//                               held against the other part at once, and those not apart go on the list.
-//      block x block            An "end". Ends are collected; test_ends() decides their faces.
-//      block or node x node     An end as well, since an unresolved node cannot be opened. leave() notes it for the
-//                               caller, unless no face of the block comes near the node.
+//      inner x anything       One of them is opened: the larger, in metres, where both are inner.
+//                             Its eight lanes are held against the other part at once, and those
+//                             not apart go on the list.
+//      block x block          An "end". Ends are collected; test_ends() decides their faces.
+//      block or node x node   An end as well, since an unresolved node cannot be opened. leave()
+//                             notes it for the caller, unless no face of the block comes near the
+//                             node.
 //
 //    For example (a: root R over nodes P and Q, Q over blocks; b: one block S):
 //
 //      list                     done
 //      (R, S)                   R is opened: P is apart from S, Q is not
 //      (Q, S)                   Q is opened: block 1 and unresolved node 4 are not apart from S
-//      (1, S) (4, S)            both are ends: the faces of 1 and S are tested, (4, S) is left to the caller
+//      (1, S) (4, S)            both are ends: the faces of 1 and S are tested, (4, S) is left to
+//                               the caller
 //
-// 2. Why it ends, and loses nothing. Each step takes a pair off and puts on pairs one level deeper, and trees are finite.
-//    A pair is dropped only where a test proves it apart, and then all below it is apart, since bounds enclose what is
-//    below (core/THEOREM.md). So each touching pair of exact faces, and each pair with an unresolved node that is not
-//    proved apart, is found.
+// 2. Why it ends, and loses nothing. Each step takes a pair off and puts on pairs one level deeper,
+//    and trees are finite. A pair is dropped only where a test proves it apart, and then all below
+//    it is apart, since bounds enclose what is below (core/THEOREM.md). So each touching pair of
+//    exact faces, and each pair with an unresolved node that is not proved apart, is found.
 //
-// 3. Eight pairs in flight. A test of eight lanes is a long chain of operations, each of which waits for the one before, and
-//    what comes of it cannot be predicted. So look_at_latest() takes the latest eight pairs off the list and does
-//    each step for all of them before the next, without branches that depend on data:
+// 3. Eight pairs in flight. A test of eight lanes is a long chain of operations, each of which
+//    waits for the one before, and what comes of it cannot be predicted. So look_at_latest() takes
+//    the latest eight pairs off the list and does each step for all of them before the next,
+//    without branches that depend on data:
 //
-//      pop 8 pairs -> plan: which side is opened? -> (cull) -> test 8 x 8 lanes -> push what is left, last pair first
-//                        \-> neither is inner: ends
+//      pop 8 pairs -> plan: which side is opened? -> (cull) -> test 8 x 8 lanes
+//                        \-> neither is inner: ends        -> push what is left, last pair first
 //
 //    The latest are taken, not the oldest, so the list stays short: depth first, eight abreast.
-//    Where one contact suffices (kAny), the first 64 nodes are opened one by one instead, deepest overlap first: a contact
-//    is likely to be found among them, and every node opened beside the way is lost.
+//    Where one contact suffices (kAny), the first 64 nodes are opened one by one instead, deepest
+//    overlap first: a contact is likely to be found among them, and every node opened beside the
+//    way is lost.
 //
-// 4. What is placed when. Both trees are in their own grids, and tests need the boxes of one in the units of the other. A
-//    node (eight boxes and slabs) or a block (eight faces) is placed in both bodies' units when a test first reads it, for
-//    this pair of poses, as floats rounded outwards (box_kernels.hpp). Some 64 placed last are kept for each tree
-//    (walk_memory.hpp): a walk comes back to the same ones, and most nodes are never reached.
+// 4. What is placed when. Both trees are in their own grids, and tests need the boxes of one in the
+//    units of the other. A node (eight boxes and slabs) or a block (eight faces) is placed in both
+//    bodies' units when a test first reads it, for this pair of poses, as floats rounded outwards
+//    (box_kernels.hpp). Some 64 placed last are kept for each tree (walk_memory.hpp): a walk comes
+//    back to the same ones, and most nodes are never reached.
 //
-// 5. The funnel of faces. Of two blocks first each face of a is held against b's box, then against b's faces eight at a
-//    time, by planes and axes in floats; what is left is collected over blocks into eights and decided in doubles
-//    (triangle_kernels.hpp), and only what rounding leaves open is decided exactly on posed integers.
+// 5. The funnel of faces. Of two blocks first each face of a is held against b's box, then against
+//    b's faces eight at a time, by planes and axes in floats; what is left is collected over blocks
+//    into eights and decided in doubles (triangle_kernels.hpp), and only what rounding leaves open
+//    is decided exactly on posed integers.
 //
-// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined. Each
-// finds the same answer, bit for bit.
+// The whole walk is made once for each instruction set, so that its tests, a hundred or more a
+// query, are inlined. Each finds the same answer, bit for bit.
 #undef HWY_TARGET_INCLUDE
 // NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/query/walk.cpp"
@@ -175,8 +182,9 @@ class Walk {
   }
   static constexpr bool kAny = kSeeks == Seeks::kAnyPair;
 
-  // Where one contact suffices, the part that reaches deepest into the other comes next: it is the likeliest to have it.
-  // With branches, which the processor may guess ahead of the tests: there is but one at a time.
+  // Where one contact suffices, the part that reaches deepest into the other comes next: it is the
+  // likeliest to have it. With branches, which the processor may guess ahead of the tests: there is
+  // but one at a time.
   void look_at_deepest() {
     const PendingPair pair = stack_.pop();
     const bool inner_a = bodies_[0].kind(pair.place[0]) == Kind::kInner,
@@ -195,7 +203,8 @@ class Walk {
     }
   }
 
-  // The latest few pairs at once, so that one test need not wait for the other: what comes of it can not be predicted.
+  // The latest few pairs at once, so that one test need not wait for the other: what comes of it
+  // can not be predicted.
   void look_at_latest() {
     const std::size_t count = std::min(stack_.size, kBatch);
     Opened opened[kBatch];
@@ -236,8 +245,8 @@ class Walk {
     bool is_worth_culling;
   };
 
-  // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if neither is. Without
-  // branches: they could not be predicted.
+  // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if
+  // neither is. Without branches: they could not be predicted.
   HWY_INLINE bool plan(const PendingPair& pair, Opened& out) {
     const double sizes_m[2] = {bodies_[0].size_m(pair.place[0]), bodies_[1].size_m(pair.place[1])};
     const auto inner_a = static_cast<std::uint32_t>(bodies_[0].kind(pair.place[0]) == Kind::kInner),
@@ -256,8 +265,9 @@ class Walk {
     return is_inner;
   }
 
-  // Single faces are much thinner than their block. Where the block is much larger than what it is held against, a look at
-  // each of them saves most of what is below; else it costs as much as it saves.
+  // Single faces are much thinner than their block. Where the block is much larger than what it is
+  // held against, a look at each of them saves most of what is below; else it costs as much as it
+  // saves.
   static bool is_worth_culling(double own_m, double block_m) { return block_m > 2 * own_m; }
   HWY_NOINLINE void cull(const PendingPair& pair, Opened& out) {
     const std::uint32_t other = out.side ^ 1;
@@ -284,7 +294,8 @@ class Walk {
     stats_.box_tests += kLanes;
   }
 
-  // Opens one node and pushes its lanes so that the one that overlaps most comes off the list first.
+  // Opens one node and pushes its lanes so that the one that overlaps most comes off the list
+  // first.
   template <std::uint32_t kSide>
   void open_by_depth(const PendingPair& pair) {
     WalkedBody &own = bodies_[kSide], &other = bodies_[kSide ^ 1];
@@ -317,8 +328,8 @@ class Walk {
     }
   }
 
-  // The first lane comes on top. Eight are written whatever `close` says, and as many counted as it has; what is beyond
-  // the size is written over by the next.
+  // The first lane comes on top. Eight are written whatever `close` says, and as many counted as it
+  // has; what is beyond the size is written over by the next.
   void push(const Opened& opened) {
     const hn::CappedTag<std::uint32_t, kLanes> d;
     const hn::Rebind<std::uint8_t, decltype(d)> bytes;
@@ -403,8 +414,8 @@ class Walk {
     return bodies_[side].block(at / kLanes).triangles.corners(at % kLanes);
   }
 
-  // A pair of which one at least is unresolved. What such a pair needs, the caller decides when all are known: most nodes
-  // appear in many pairs.
+  // A pair of which one at least is unresolved. What such a pair needs, the caller decides when all
+  // are known: most nodes appear in many pairs.
   HWY_NOINLINE void leave(const PendingPair& pair) {
     std::uint32_t faces = 0;
     for (const std::uint32_t side : {0U, 1U})
@@ -418,7 +429,8 @@ class Walk {
     std::uint32_t face_a, block_b, faces_b;
   };
 
-  // Pairs in flight; nodes opened one by one where one contact suffices; ends collected before they are tested.
+  // Pairs in flight; nodes opened one by one where one contact suffices; ends collected before they
+  // are tested.
   static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
   PairStack& stack_;

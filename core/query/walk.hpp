@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The walk of two trees at once that every query starts with: which exact faces touch, and which unresolved parts may.
+// The walk of two trees at once that every query starts with: which exact faces touch, and which
+// unresolved parts may.
 
 #include <cstdint>
 #include <functional>
@@ -46,7 +47,8 @@ struct Part {
   std::uint32_t lane;
 };
 
-/// Whether the next step goes into a's children: the larger of two inner parts is opened first, a of equals.
+/// Whether the next step goes into a's children: the larger of two inner parts is opened first, a
+/// of equals.
 [[nodiscard]] inline bool opens_a(const Scene& scene, const Part& a, const Part& b) {
   return a.kind() == TreeEntry::Kind::kInner &&
          (b.kind() != TreeEntry::Kind::kInner ||
@@ -75,7 +77,8 @@ template <class Apart>
   return false;
 }
 
-/// Parts of both that may meet, at least one of them unresolved; of a part that holds faces, those that may, as bits.
+/// Parts of both that may meet, at least one of them unresolved; of a part that holds faces, those
+/// that may, as bits.
 struct UnresolvedPair {
   TreePlace a, b;
   std::uint32_t faces;
@@ -92,7 +95,8 @@ enum class Seeks : std::uint8_t {
 struct WalkFinds {
   std::vector<FacePair> pairs;
   std::vector<UnresolvedPair> unresolved;
-  /// Called when there are more than so many of either; takes them away, or some. Adds its own tests to the statistics.
+  /// Called when there are more than so many of either; takes them away, or some. Adds its own
+  /// tests to the statistics.
   std::size_t most_pairs = kAllPairs, most_unresolved = 4096;
   std::function<void()> hand_on;
 };
@@ -103,8 +107,8 @@ struct WalkLimits {
   const IsOver* is_over = nullptr;
 };
 
-/// Adds pairs of faces that touch, and pairs that need detail, each in an order that follows from the trees' shapes. Ends at the
-/// limits; false then. Threads: any.
+/// Adds pairs of faces that touch, and pairs that need detail, each in an order that follows from
+/// the trees' shapes. Ends at the limits; false then. Threads: any.
 [[nodiscard]] bool walk_trees(const Scene& scene, Seeks seeks, const WalkLimits& limits,
                               WalkFinds& finds, QueryStats& stats);
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a walk of two trees keeps while it runs: nodes and blocks in their places, and the pairs still to be looked at. A short
-// walk needs what is in here, some 45 KB of stack, and allocates nothing; a long one takes 190 KB more.
+// What a walk of two trees keeps while it runs: nodes and blocks in their places, and the pairs
+// still to be looked at. A short walk needs what is in here, some 45 KB of stack, and allocates
+// nothing; a long one takes 190 KB more.
 
 #include <algorithm>
 #include <array>
@@ -15,8 +16,8 @@
 
 namespace nearmesh {
 
-/// The latest of one tree's nodes or blocks: a walk comes back to the same ones. Kept in the order of their coming, so that
-/// short walks stay in the nearest cache.
+/// The latest of one tree's nodes or blocks: a walk comes back to the same ones. Kept in the order
+/// of their coming, so that short walks stay in the nearest cache.
 template <class Boxes, std::uint32_t kFirst>
 class Placed {
  public:
@@ -52,13 +53,15 @@ class Placed {
 using PlacedTreeNodes = Placed<PlacedBoxes, 16>;
 using PlacedTreeBlocks = Placed<PlacedFaces, 8>;
 
-/// A part of each body whose boxes may meet. Of a part of kind kFaces: the faces that may, as far as is known.
+/// A part of each body whose boxes may meet. Of a part of kind kFaces: the faces that may, as far
+/// as is known.
 struct PendingPair {
   TreePlace place[2];     ///< a's and b's
   std::uint8_t faces[2];  ///< as bits
 };
 
-/// The pairs still to be looked at, side by side. What is beyond `size` may be overwritten by any push.
+/// The pairs still to be looked at, side by side. What is beyond `size` may be overwritten by any
+/// push.
 struct PairStack {
   std::uint32_t *place[2], *faces;  ///< faces of both in one, b's kLanes bits higher
   std::size_t size = 0;

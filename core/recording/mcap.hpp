@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Files in the MCAP format (https://mcap.dev/spec), as far as recordings need it: chunks without compression, with
-// checksums, indexed, and a summary. Takes and gives bytes; what they mean is mcap_recording's business.
+// Files in the MCAP format (https://mcap.dev/spec), as far as recordings need it: chunks without
+// compression, with checksums, indexed, and a summary. Takes and gives bytes; what they mean is
+// mcap_recording's business.
 
 #include <cstdint>
 #include <functional>
@@ -37,8 +38,8 @@ struct Message {
 /// Whether a file begins as such files do; also false where there is none.
 [[nodiscard]] bool is_mcap(const std::string& path);
 
-/// Writes a file, which is in its place when it is closed. After a failure nothing more is written, and every call gives the
-/// same status.
+/// Writes a file, which is in its place when it is closed. After a failure nothing more is written,
+/// and every call gives the same status.
 class Writer {
  public:
   /// Errors: those of OutputFile::create().
@@ -73,8 +74,9 @@ struct Visitor {
   std::function<Status(std::string_view name, std::span<const std::uint8_t> data)> attachment;
 };
 
-/// Reads a file from its begin to the end of its data; the summary is not needed.
-/// Errors: kNotFound; kCorrupt naming the byte; kUnsupported for compressed chunks; kIo; those of the visitor.
+/// Reads a file from its begin to the end of its data; the summary is not needed. Errors:
+/// kNotFound; kCorrupt naming the byte; kUnsupported for compressed chunks; kIo; those of the
+/// visitor.
 [[nodiscard]] Status read(const std::string& path, const Visitor& visitor);
 
 }  // namespace nearmesh::mcap

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What both sides of an MCAP file know: kinds of records, its first and last bytes, checksums. For mcap_writer.cpp and mcap_reader.cpp alone.
+// What both sides of an MCAP file know: kinds of records, its first and last bytes, checksums. For
+// mcap_writer.cpp and mcap_reader.cpp alone.
 
 #include <zlib.h>
 

@@ -10,7 +10,8 @@
 namespace nearmesh::mcap {
 namespace {
 
-/// Takes values from the front of some bytes; what is not there is 0 or empty, and then it has failed.
+/// Takes values from the front of some bytes; what is not there is 0 or empty, and then it has
+/// failed.
 class Bytes {
  public:
   explicit Bytes(std::string_view bytes) : left_(bytes) {}

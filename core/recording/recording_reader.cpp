@@ -22,8 +22,8 @@ struct Part {
   std::int64_t messages = 0, first_message = 0;
   std::uint32_t first_writer = 0, writers = 0;
   std::uint32_t first_key = 0, keys = 0;
-  std::optional<sqlite::Statement>
-      select;  // of read(), while no one uses it: to prepare takes longer than a message
+  // Of read(), while no one uses it: to prepare takes longer than a message.
+  std::optional<sqlite::Statement> select;
 };
 
 /// Less than any message takes in its file: a cell of both tables and of the index on the time.
@@ -65,7 +65,8 @@ Result<sqlite::Database> open_part(const std::string& path) {
   };
   // Writing, since what a killed process has left in the log must be taken in.
   Result<sqlite::Database> opened = attempt(SQLITE_OPEN_READWRITE, nullptr);
-  // On a full disk the log's index finds no room in a file; alone with the file it may be held in memory.
+  // On a full disk the log's index finds no room in a file; alone with the file it may be held in
+  // memory.
   if (!opened.is_ok())
     if (auto alone = attempt(SQLITE_OPEN_READWRITE, "PRAGMA locking_mode=EXCLUSIVE"); alone.is_ok())
       return alone;
@@ -133,7 +134,8 @@ Result<Candidate> look_at(const std::string& path) {
         is_recording |= row.text(0) == "nearmesh_session";
         return Status::ok();
       }));
-  // All tables of a part are committed as one: who is killed while it begins one leaves none of them.
+  // All tables of a part are committed as one: who is killed while it begins one leaves none of
+  // them.
   if (!any) return Candidate{.instead = "an empty file"};
   if (!is_recording) return Candidate{.instead = "a database of another kind"};
   Candidate found;
@@ -182,7 +184,8 @@ struct RecordingReader::Impl {
 
   Status read_keys(Part& part, const std::string& path) {
     part.first_key = static_cast<std::uint32_t>(keys.size());
-    // Where an earlier build has recorded, there may be none. Such a file is opened, so that its wire version can be told.
+    // Where an earlier build has recorded, there may be none. Such a file is opened, so that its
+    // wire version can be told.
     bool any = false;
     NEARMESH_RETURN_IF_ERROR(each(part.database,
                                   "SELECT 1 FROM sqlite_master WHERE name = 'nearmesh_keys'",
@@ -204,8 +207,8 @@ struct RecordingReader::Impl {
         });
   }
 
-  /// How many messages the part has, and when the first and the last were received. Whether those between are there is seen
-  /// where they are read.
+  /// How many messages the part has, and when the first and the last were received. Whether those
+  /// between are there is seen where they are read.
   Status read_span(Part& part) {
     // A message is in two tables. It is missing, not none, where one of them has lost it.
     NEARMESH_RETURN_IF_ERROR(each(part.database,
@@ -215,8 +218,8 @@ struct RecordingReader::Impl {
                                     part.messages = row.integer(0);
                                     return Status::ok();
                                   }));
-    // Callers count up to the last id, so a damaged one must not be believed. A file of SQLite has at most 2^48 bytes: no sum
-    // over the parts that a process can open overflows.
+    // Callers count up to the last id, so a damaged one must not be believed. A file of SQLite has
+    // at most 2^48 bytes: no sum over the parts that a process can open overflows.
     NEARMESH_RETURN_IF_ERROR(each(
         part.database, "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
         [&](const sqlite::Statement& row) -> Status {
@@ -245,7 +248,8 @@ struct RecordingReader::Impl {
   Status add_part(sqlite::Database opened, const std::string& path) {
     Part part{.database = std::move(opened), .path = path};
     sqlite::Database& database = part.database;
-    // All of it as of one moment: between two reads the recorder may commit messages of a writer that the first did not see.
+    // All of it as of one moment: between two reads the recorder may commit messages of a writer
+    // that the first did not see.
     NEARMESH_RETURN_IF_ERROR(database.run("BEGIN"));
     std::vector<std::uint32_t> topic_index;
     NEARMESH_RETURN_IF_ERROR(each(
@@ -313,10 +317,12 @@ struct RecordingReader::Impl {
     return Status::ok();
   }
 
-  /// Parts 1, 2, ... of the recording whose part 0 is there. Errors: one cannot be read, or one is missing.
+  /// Parts 1, 2, ... of the recording whose part 0 is there. Errors: one cannot be read, or one is
+  /// missing.
   [[nodiscard]] Status find_further_parts(const std::string& first,
                                           std::vector<Candidate>& found) const {
-    // Before a part is looked for: a recorder at work begins none before the one before it is there.
+    // Before a part is looked for: a recorder at work begins none before the one before it is
+    // there.
     const Result<std::vector<std::uint32_t>> numbers = further_numbers(first);
     NEARMESH_RETURN_IF_ERROR(numbers);
     for (std::uint32_t part = 1;; ++part) {
@@ -338,8 +344,9 @@ struct RecordingReader::Impl {
            candidate.facts.part >= part;
   }
 
-  /// Where part `part` should be there is something else, or nothing: so it is behind the last part, where a recorder was killed
-  /// while it began the next, and where files of others have such names. It is a hole where a later part is.
+  /// Where part `part` should be there is something else, or nothing: so it is behind the last
+  /// part, where a recorder was killed while it began the next, and where files of others have such
+  /// names. It is a hole where a later part is.
   [[nodiscard]] Status check_end(const std::string& first, std::uint32_t part,
                                  const Candidate& found,
                                  const std::vector<std::uint32_t>& numbers) const {
@@ -407,7 +414,8 @@ std::int64_t RecordingReader::end_ns() const { return impl_->end_ns; }
 
 namespace {
 
-/// Of messages [from, to), as the part counts them, which all must be there. Out: false when `visit` said so.
+/// Of messages [from, to), as the part counts them, which all must be there. Out: false when
+/// `visit` said so.
 Result<bool> visit_rows(Part& part, sqlite::Statement& rows, std::int64_t from, std::int64_t to,
                         const std::function<bool(std::int64_t, const RecordedMessage&)>& visit) {
   RecordedMessage message;

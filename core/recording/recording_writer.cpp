@@ -16,8 +16,8 @@
 namespace nearmesh {
 namespace {
 
-// The first five as rosbag2 has them (schema version 4). An index on the time alone, as there; ids follow the order of
-// arrival.
+// The first five as rosbag2 has them (schema version 4). An index on the time alone, as there; ids
+// follow the order of arrival.
 constexpr const char* kTables = R"sql(
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
 CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL);
@@ -146,7 +146,8 @@ struct RecordingWriter::Impl {
     static_cast<void>(commit());
     closed = true;
     NEARMESH_RETURN_IF_ERROR(broken);
-    // Takes the log into the file. A reader that is at it keeps the log alive: then its end does so.
+    // Takes the log into the file. A reader that is at it keeps the log alive: then its end does
+    // so.
     for (sqlite::Statement* statement : {&put_topic, &put_definition, &put_message, &put_extra,
                                          &put_writer, &put_key, &put_gap, &put_model})
       *statement = sqlite::Statement();
@@ -189,7 +190,8 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::begin(const std::strin
   Result<sqlite::Database> opened = sqlite::Database::open(path, SQLITE_OPEN_READWRITE);
   NEARMESH_RETURN_IF_ERROR(opened);
   auto impl = std::make_unique<Impl>(std::move(opened).value(), path, commit_period_s);
-  // A killed process loses nothing that was committed; a power cut may lose the last seconds, and damages nothing.
+  // A killed process loses nothing that was committed; a power cut may lose the last seconds, and
+  // damages nothing.
   NEARMESH_RETURN_IF_ERROR(impl->database.run("PRAGMA journal_mode=WAL"));
   NEARMESH_RETURN_IF_ERROR(impl->database.run("PRAGMA synchronous=NORMAL"));
   // As one: whoever finds the file finds all of its tables, or an empty file.

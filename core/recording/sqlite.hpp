@@ -14,7 +14,8 @@
 
 namespace nearmesh::sqlite {
 
-/// One prepared statement. Parameters count from 1, columns from 0. What is bound must live until step().
+/// One prepared statement. Parameters count from 1, columns from 0. What is bound must live until
+/// step().
 class Statement {
  public:
   explicit Statement(sqlite3_stmt* statement = nullptr) : statement_(statement) {}

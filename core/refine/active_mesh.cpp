@@ -143,8 +143,8 @@ Treelet active_treelet(const ActiveMesh& mesh) {
 }
 
 std::vector<VertexId> global_order(const SplitStore& store, std::uint32_t count) {
-  std::vector<std::pair<std::uint32_t, std::uint32_t>>
-      order;  // complement of the node's size, split
+  // Complement of the node's size, split.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> order;
   for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
     if (store.is_known({v}) && !store.is_root({v})) order.emplace_back(~store.node_of({v}).size, v);
   std::sort(order.begin(), order.end());

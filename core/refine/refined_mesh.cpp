@@ -54,8 +54,9 @@ Status outside_half_space(NodeSpan node, const HalfSpace& half_space) {
 
 }  // namespace
 
-// Once a node is split its half-spaces are gone. What its split shows is held against them before: the new vertex, and those
-// corners of the split's faces that are known, as each of these faces has a vertex in the node.
+// Once a node is split its half-spaces are gone. What its split shows is held against them before:
+// the new vertex, and those corners of the split's faces that are known, as each of these faces has
+// a vertex in the node.
 Status RefinedMesh::check_against_half_spaces(const SplitRecord& record,
                                               std::span<const SplitFace> faces) const {
   if (!store_->is_node(record.node) || !mesh_->is_current(record.node)) return Status::ok();
@@ -76,8 +77,8 @@ Status RefinedMesh::check_against_half_spaces(const SplitRecord& record,
   return Status::ok();
 }
 
-// A half-space that came. The faces that appeared with the node have a vertex in it, so those of their corners that are known
-// lie in the half-space; check_faces() looks at other faces, in turn.
+// A half-space that came. The faces that appeared with the node have a vertex in it, so those of
+// their corners that are known lie in the half-space; check_faces() looks at other faces, in turn.
 Status RefinedMesh::tell(const NodeHalfSpace& told, RefineDelta& delta) {
   if (!store_->is_node(told.node)) {
     if (parked_half_spaces_.size() < kMaxParked || parked_half_spaces_.contains(key(told.node)))
@@ -165,8 +166,9 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch, Teller te
   return applied;
 }
 
-// A face that is not exact yet shows in part: the places of its corners that have come lie in the box of the node of each that has not.
-// What has come since may speak against a face of long ago, of any split, so all are looked at in turn: some with each batch.
+// A face that is not exact yet shows in part: the places of its corners that have come lie in the
+// box of the node of each that has not. What has come since may speak against a face of long ago,
+// of any split, so all are looked at in turn: some with each batch.
 Status RefinedMesh::check_faces(std::size_t count) {
   const std::span<const SplitFace> base = store_->base_faces();
   for (; count > 0; --count) {

@@ -141,7 +141,8 @@ Result<const HeldWalk::Node*> HeldWalk::next() {
 Status HeldWalk::take(const Step& step) {
   const bool is_split = step.whole || get();
   const bool whole = step.whole || (is_split && get());
-  // Inside of what is done none is told: those that are at hand may be needed when detail is given up.
+  // Inside of what is done none is told: those that are at hand may be needed when detail is given
+  // up.
   node_ = {.node = step.node, .maker = step.maker, .has_box = whole || get(), .half_spaces = {}};
   while (!is_split && tells_half_spaces_ && get()) {
     // Nobody holds more, and in a few bytes each a million could be told of one node.

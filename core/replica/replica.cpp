@@ -84,7 +84,8 @@ Replica::Taken Replica::take_kept(std::span<const std::uint8_t> bytes) {
   return take(bytes);
 }
 
-/// In weeks there are more publishers than numbers. One who told of nothing that is here needs none: else who lies later would never be named.
+/// In weeks there are more publishers than numbers. One who told of nothing that is here needs
+/// none: else who lies later would never be named.
 Teller Replica::teller_of(std::uint64_t sender) {
   const auto at = std::find(tellers_.begin(), tellers_.end(), sender);
   if (at != tellers_.end()) return static_cast<Teller>(at - tellers_.begin());
@@ -103,7 +104,8 @@ Teller Replica::teller_of(std::uint64_t sender) {
   return kManyTellers;
 }
 
-/// Pieces make a whole with those of the same sender alone: else whoever writes one between two would make a liar of who proves.
+/// Pieces make a whole with those of the same sender alone: else whoever writes one between two
+/// would make a liar of who proves.
 void Replica::audit(std::span<const std::uint8_t> piece, std::uint64_t sender, Taken& taken) {
   if (audits_.size() == kMaxAuditors && !audits_.contains(sender)) audits_.erase(audits_.begin());
   Result<std::optional<AuditedBlock>> whole = audits_[sender].take(piece);
@@ -132,8 +134,8 @@ void Replica::audit(std::span<const std::uint8_t> piece, std::uint64_t sender, T
                                      : "which cuts that node of the content")};
 }
 
-// More than give_up() takes: half-spaces of nodes that are not split, and splits that wait for their parents and would come in with
-// these.
+// More than give_up() takes: half-spaces of nodes that are not split, and splits that wait for
+// their parents and would come in with these.
 void Replica::distrust(std::uint64_t sender) {
   distrusted_.insert(sender);
   forget_all();

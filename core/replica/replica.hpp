@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// One model as far as it is here: header, known splits, active mesh and tree, and the order in which they change. Takes
-// batches, gives what a query walks. A peer's session and the proof of its recording live by this one class.
+// One model as far as it is here: header, known splits, active mesh and tree, and the order in
+// which they change. Takes batches, gives what a query walks. A peer's session and the proof of its
+// recording live by this one class.
 
 #include <cstdint>
 #include <map>
@@ -20,7 +21,8 @@ class Replica {
  public:
   /// The base mesh. May throw std::bad_alloc: arrays span all ids that a header announces.
   explicit Replica(SpmHeader header);
-  /// The same of a header from outside. Errors: those of decode_header; kIo where there is no address space.
+  /// The same of a header from outside. Errors: those of decode_header; kIo where there is no
+  /// address space.
   [[nodiscard]] static Result<Replica> from_header(std::span<const std::uint8_t> bytes);
 
   /// Where the time went, seconds of wall clock.
@@ -32,34 +34,38 @@ class Replica {
   struct Taken {
     Status status;
     Times times;
-    /// The status is of what was said of the model, not of what befell the batch on its way: by `liar`; 0: by one of several.
+    /// The status is of what was said of the model, not of what befell the batch on its way: by
+    /// `liar`; 0: by one of several.
     bool contradicts = false;
     std::uint64_t liar = 0;
     bool rests_on_kept = false;  ///< take_kept() brought some of what is here, or this batch
-    /// An audit ended with this: what is here of a block was held against the block, which has these nodes. Else empty.
+    /// An audit ended with this: what is here of a block was held against the block, which has
+    /// these nodes. Else empty.
     std::vector<NodeSpan> audited;
   };
-  /// Takes in a batch under its seal. The result depends on the set of batches, not on their order; repeats are harmless.
-  /// Errors: those of decode_sealed, with nothing changed; kCorrupt where a record contradicts the model or what came before.
-  /// Then all detail is forgotten, since nobody can tell which part of it is wrong, and what the same sender sends from
-  /// there on is counted and dropped. Pieces of an audit are batches too: the block that they make is held against what is known
-  /// of it, and kCorrupt says what was told otherwise, with the hash of both.
-  /// Cost: O(batch and the slots that it changes).
+  /// Takes in a batch under its seal. The result depends on the set of batches, not on their order;
+  /// repeats are harmless. Errors: those of decode_sealed, with nothing changed; kCorrupt where a
+  /// record contradicts the model or what came before. Then all detail is forgotten, since nobody
+  /// can tell which part of it is wrong, and what the same sender sends from there on is counted
+  /// and dropped. Pieces of an audit are batches too: the block that they make is held against what
+  /// is known of it, and kCorrupt says what was told otherwise, with the hash of both. Cost:
+  /// O(batch and the slots that it changes).
   [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes, std::uint64_t sender = 0);
-  /// The same of a batch that was kept since an earlier session. Where such detail is held nobody is to blame for what
-  /// contradicts it. From the first of these on batches count from kKeptBatches, so that nobody takes what is here for what was
-  /// sent since the base mesh.
+  /// The same of a batch that was kept since an earlier session. Where such detail is held nobody
+  /// is to blame for what contradicts it. From the first of these on batches count from
+  /// kKeptBatches, so that nobody takes what is here for what was sent since the base mesh.
   [[nodiscard]] Taken take_kept(std::span<const std::uint8_t> bytes);
   static constexpr std::uint32_t kKeptBatches = 1U << 31;
   /// The same of a batch that was decoded elsewhere, with this model's header.
   [[nodiscard]] Taken take(const SplitBatch& batch, std::uint64_t sender = 0);
-  /// What this sender sends counts no more, and all detail is forgotten, also what waits for its parents: nobody proves it.
+  /// What this sender sends counts no more, and all detail is forgotten, also what waits for its
+  /// parents: nobody proves it.
   void distrust(std::uint64_t sender);
   /// Whether what this sender sent contradicted the model.
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
   [[nodiscard]] const std::set<std::uint64_t>& distrusted() const { return distrusted_; }
-  /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's grid).
-  /// Cost: O(known nodes that meet `keep`, and what is given up).
+  /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's
+  /// grid). Cost: O(known nodes that meet `keep`, and what is given up).
   Times give_up(std::span<const RegionPart> keep);
 
   [[nodiscard]] const SpmHeader& header() const { return refined_.header(); }

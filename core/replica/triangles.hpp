@@ -9,8 +9,8 @@
 
 namespace nearmesh {
 
-/// Adds the corners of its faces, three each, in metres in the model's frame: of faces of the full mesh, and of those that stand for
-/// what is missing. Cost: O(faces).
+/// Adds the corners of its faces, three each, in metres in the model's frame: of faces of the full
+/// mesh, and of those that stand for what is missing. Cost: O(faces).
 void add_triangles(const Replica& replica, std::vector<std::array<double, 3>>& exact_m,
                    std::vector<std::array<double, 3>>& coarse_m);
 

@@ -2,9 +2,9 @@
 // A large mesh is first simplified cell by cell: runs of vertices along the Morton curve, fixed by
 // the mesh alone, each small enough for a core's cache and independent of the others, so that any
 // number of threads gives the same result. Vertices with a neighbour outside of their cell stay as
-// they are; what is left, with its clusters, normals and depths, is one mesh again. Every cell stops
-// at the same cost, which samples of the mesh suggest, so that detail is left where a single queue
-// would leave it.
+// they are; what is left, with its clusters, normals and depths, is one mesh again. Every cell
+// stops at the same cost, which samples of the mesh suggest, so that detail is left where a single
+// queue would leave it.
 #include <atomic>
 #include <numeric>
 #include <thread>
@@ -181,7 +181,8 @@ std::uint32_t find_limit(const Patch& patch, const CellFaces& faces, std::uint32
   return all[at];
 }
 
-/// Cells in their order, their vertices again along the curve and their faces by their least corner.
+/// Cells in their order, their vertices again along the curve and their faces by their least
+/// corner.
 Patch join(const Patch& whole, std::vector<Cell>& cells) {
   std::vector<std::uint32_t> place(whole.vertices.size(), kNone);
   Patch rest;

@@ -51,10 +51,11 @@ Vec3 Simplifier::normal_of(const Face& f) const {
   return cross(between(v, vertices_[f.corner[1]]), between(v, vertices_[f.corner[2]]));
 }
 
-/// How far the surface moves, and how large the merged node's box would be. What meets a body asks for the nodes whose
-/// boxes it meets, and as in trees built for rays the area of their sides says how many these will be.
-/// Both count for the fourth root of the area that moves. For all of it a peak of few faces would be cheap to cut off, however high;
-/// for none of it large clusters would grow as fast as small ones.
+/// How far the surface moves, and how large the merged node's box would be. What meets a body asks
+/// for the nodes whose boxes it meets, and as in trees built for rays the area of their sides says
+/// how many these will be. Both count for the fourth root of the area that moves. For all of it a
+/// peak of few faces would be cheap to cut off, however high; for none of it large clusters would
+/// grow as fast as small ones.
 double Simplifier::cost_of(std::uint32_t u, std::uint32_t s) const {
   const Cluster& from = clusters_[u];
   GridBox box = from.box;
@@ -114,10 +115,10 @@ void Simplifier::choose_next(std::uint32_t u) {
   set_choice(u, best);
 }
 
-/// The same for x, a neighbour of s, after u went into s. Of x's collapses only those to u and s have
-/// changed: that to u is gone, and that to s is new, or has become dearer (its box has grown) and deeper.
-/// So what x would choose is no better than before, or it is s; and where it was u or s, another look
-/// can wait until its turn comes.
+/// The same for x, a neighbour of s, after u went into s. Of x's collapses only those to u and s
+/// have changed: that to u is gone, and that to s is new, or has become dearer (its box has grown)
+/// and deeper. So what x would choose is no better than before, or it is s; and where it was u or
+/// s, another look can wait until its turn comes.
 void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
   if (is_fixed(vertices_[x])) return;
   if (!queue_.contains(x)) return choose(x);
@@ -177,8 +178,9 @@ void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std:
   }
 }
 
-/// Every face has two corners that are crowded, or two that are not, so one of the two turns always takes some. What is
-/// crowded never takes in what is not: that would cost as many faces each time, whereas two crowded ones merge at once.
+/// Every face has two corners that are crowded, or two that are not, so one of the two turns always
+/// takes some. What is crowded never takes in what is not: that would cost as many faces each time,
+/// whereas two crowded ones merge at once.
 void Simplifier::collapse_crowded() {
   for (std::uint64_t before = 0; !is_done() && before != faces_left_;) {
     before = faces_left_;

@@ -25,14 +25,16 @@ inline constexpr std::uint32_t kNone = 0xffffffffU;
 /// measured on open vehicles: from 100 on the borders keep so many faces that the surface between
 /// them suffers.)
 inline constexpr double kBorderWeight = 10;
-/// A collapse that breaks the topology, or turns a face too far from the input's normal, costs this much more: it waits until
-/// others have become as dear. Forbidding the first altogether grinds down whatever is well connected before it touches
-/// debris (five times the error on a truck of 59 components, ranked by error alone); manifold meshes are the same either
-/// way. Forbidding the second keeps small rings until all else is gone.
+/// A collapse that breaks the topology, or turns a face too far from the input's normal, costs this
+/// much more: it waits until others have become as dear. Forbidding the first altogether grinds
+/// down whatever is well connected before it touches debris (five times the error on a truck of 59
+/// components, ranked by error alone); manifold meshes are the same either way. Forbidding the
+/// second keeps small rings until all else is gone.
 inline constexpr double kDearFactor = 64;
-/// Weight of the squared distance from the planes merged so far, against 1 for the area of the merged box's sides (both
-/// times the fourth root of the area of the faces that move): until one face of kCoarseShare is left, and from there on. Boxes decide what an
-/// answer takes, distances how the coarse levels look: measured in ARCHITECTURE.md.
+/// Weight of the squared distance from the planes merged so far, against 1 for the area of the
+/// merged box's sides (both times the fourth root of the area of the faces that move): until one
+/// face of kCoarseShare is left, and from there on. Boxes decide what an answer takes, distances
+/// how the coarse levels look: measured in ARCHITECTURE.md.
 inline constexpr double kFineErrorWeight = 1000, kCoarseErrorWeight = 30;
 inline constexpr std::uint64_t kCoarseShare = 10;
 /// That of the squared length of the collapse: of those that are alike the shortest goes first.
@@ -41,10 +43,11 @@ inline constexpr double kLengthWeight = 0.1;
 inline constexpr double kLeastCosine = 0.2;
 inline constexpr double kLeastCosineToInput = 0.5;
 
-/// A vertex of more faces than this is crowded. A collapse that takes part in it costs as much as it has faces, so n faces
-/// around one vertex would cost n^2. It therefore stays as it is while its neighbours collapse among themselves, until it
-/// has half as many. Scans, terrain and vehicles stay below 200 at every level. Cones, poles and lids of prisms become the
-/// same with any limit from here up: what is left of their rims goes first anyway.
+/// A vertex of more faces than this is crowded. A collapse that takes part in it costs as much as
+/// it has faces, so n faces around one vertex would cost n^2. It therefore stays as it is while its
+/// neighbours collapse among themselves, until it has half as many. Scans, terrain and vehicles
+/// stay below 200 at every level. Cones, poles and lids of prisms become the same with any limit
+/// from here up: what is left of their rims goes first anyway.
 inline constexpr std::uint32_t kCrowd = 512;
 
 /// What a collapse must respect; each rule is tried only when the one before it allows nothing
@@ -76,8 +79,8 @@ struct Vertex {
   std::uint32_t depth : 29 = 0;     ///< of the merge tree below, a collapse being one level
   std::uint32_t is_locked : 1 = 0;  ///< neither goes nor takes another in
   std::uint32_t is_stale : 1 = 0;   ///< its choice is a lower bound: look again before use
-  /// Has had more than kCrowd faces. Outside of collapse_crowded its slice, all `capacity` of it, also holds faces that
-  /// have vanished.
+  /// Has had more than kCrowd faces. Outside of collapse_crowded its slice, all `capacity` of it,
+  /// also holds faces that have vanished.
   std::uint32_t is_crowded : 1 = 0;
 };
 static_assert(sizeof(Vertex) == 32);
@@ -88,11 +91,13 @@ struct Face {
   std::uint32_t normal = 0;
 };
 
-/// What has merged into a vertex: the planes of its faces, and a box around these: its node's in the forest.
+/// What has merged into a vertex: the planes of its faces, and a box around these: its node's in
+/// the forest.
 struct Cluster {
   Quadric quadric;
   GridBox box;
-  /// Of what its collapses cost: the area of its faces to the power of -3/4. Kept, since each of them asks: taken anew, simplifying takes 3 % more.
+  /// Of what its collapses cost: the area of its faces to the power of -3/4. Kept, since each of
+  /// them asks: taken anew, simplifying takes 3 % more.
   double factor = 0;
 
   /// Adds another vertex's; `d` leads from that vertex to this one.
@@ -182,7 +187,8 @@ inline std::uint32_t rank_of(double cost, std::uint32_t depth) {
 }
 
 /// A way for a vertex to go: cheapest first, ties to the shallower pair, then to the lower partner.
-/// All in one number: 32 bits of rank, 30 of partner, is it dear (kDearFactor), was another tried before.
+/// All in one number: 32 bits of rank, 30 of partner, is it dear (kDearFactor), was another tried
+/// before.
 struct Choice {
   static constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t value = kNever;
@@ -205,7 +211,8 @@ inline constexpr std::size_t kMaxVertices = std::size_t{1} << 30;
 
 class Simplifier {
  public:
-  /// Vertices of the patch from `own` on are locked, as is every vertex that has one of them as a neighbour.
+  /// Vertices of the patch from `own` on are locked, as is every vertex that has one of them as a
+  /// neighbour.
   Simplifier(Patch patch, std::size_t own, std::uint64_t target_faces);
 
   [[nodiscard]] bool is_done() const { return faces_left_ <= target_faces_; }
@@ -223,11 +230,12 @@ class Simplifier {
     error_weight_ = error_weight;
     pause_faces_ = pause_faces;
   }
-  /// Collapses the cheapest until the target or the pause is reached or nothing is left whose rank is at most `limit`.
-  /// `ranks` is called with the rank of each.
+  /// Collapses the cheapest until the target or the pause is reached or nothing is left whose rank
+  /// is at most `limit`. `ranks` is called with the rank of each.
   void collapse_edges(Rule rule, std::uint32_t limit = kNone,
                       std::vector<std::uint32_t>* ranks = nullptr);
-  /// Collapses what is left when no rule allows more, crowded vertices among themselves in turn with the others.
+  /// Collapses what is left when no rule allows more, crowded vertices among themselves in turn
+  /// with the others.
   void collapse_crowded();
   /// Returns how many there were.
   std::uint64_t merge_isolated();

@@ -97,7 +97,8 @@ void Simplifier::link_faces() {
     v.is_crowded = v.capacity > kCrowd;
     first += v.capacity;
   }
-  // Room for slices that outgrow their place before the pool is compacted. Places are of 32 bits, and 3 * 2^30 are in use at most.
+  // Room for slices that outgrow their place before the pool is compacted. Places are of 32 bits,
+  // and 3 * 2^30 are in use at most.
   pool_limit_ = std::min<std::size_t>(std::size_t{first} + first / 2 + 64, kNone);
   pool_.reserve(pool_limit_);
   pool_.resize(std::max<std::size_t>(first, 1));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A stored block with what shows that it is of a content, in pieces that travel as batches do, under a seal (core/spm_format.md,
-// "Audit"). Takes a block and its path, gives pieces; and back.
+// A stored block with what shows that it is of a content, in pieces that travel as batches do,
+// under a seal (core/spm_format.md, "Audit"). Takes a block and its path, gives pieces; and back.
 
 #include <optional>
 

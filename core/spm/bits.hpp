@@ -15,7 +15,8 @@ namespace nearmesh {
 /// Number of bits needed for x: 0 for 0, 1 for 1, 2 for 2 and 3, ...
 constexpr int bit_length(std::uint64_t x) { return static_cast<int>(std::bit_width(x)); }
 
-/// Number of bits needed for count - 1, count in [1, 2^31]: to say which of so many. Without a branch for 1.
+/// Number of bits needed for count - 1, count in [1, 2^31]: to say which of so many. Without a
+/// branch for 1.
 constexpr int index_bits(std::uint32_t count) { return std::bit_width(2 * count - 1) - 1; }
 
 class BitWriter {
@@ -81,8 +82,8 @@ class BitWriter {
   int pending_bits_ = 0;
 };
 
-/// Reads zeros past the end and remembers that it did, as it does a code that no writer makes: decoders check overrun(),
-/// never each read.
+/// Reads zeros past the end and remembers that it did, as it does a code that no writer makes:
+/// decoders check overrun(), never each read.
 class BitReader {
  public:
   explicit BitReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -114,7 +115,8 @@ class BitReader {
   }
   std::uint64_t get_gamma() {
     const int zeros = std::countl_zero(window());
-    // No number that put_gamma takes has 32 leading zeros: as good as an end of the bytes, and as loud.
+    // No number that put_gamma takes has 32 leading zeros: as good as an end of the bytes, and as
+    // loud.
     if (zeros >= 32) {
       used_ = bytes_.size() * 8 + 1;
       return 0;
@@ -132,7 +134,8 @@ class BitReader {
   std::size_t used_ = 0;
 };
 
-/// Bytes and zeros after them, so that a reader who asks now and then how far it got need not check each read.
+/// Bytes and zeros after them, so that a reader who asks now and then how far it got need not check
+/// each read.
 class PaddedBytes {
  public:
   static constexpr std::size_t kPadding = 256;
@@ -154,8 +157,9 @@ class PaddedBytes {
   const std::uint8_t* begin_;
 };
 
-/// For decoders that take many short fields: what refill() fetches is ready before the fields ahead of it are known. Goes on
-/// past the end of what it reads: who uses it asks used_bits() before it may have passed PaddedBytes::kPadding.
+/// For decoders that take many short fields: what refill() fetches is ready before the fields ahead
+/// of it are known. Goes on past the end of what it reads: who uses it asks used_bits() before it
+/// may have passed PaddedBytes::kPadding.
 class WindowReader {
  public:
   /// From the bit `first` on.

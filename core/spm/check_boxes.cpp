@@ -34,7 +34,8 @@ Status check_node(const SplitStore& store, NodeSpan node, const GridBox& faces) 
 Status check_boxes(const SplitStore& store) {
   NEARMESH_ASSERT(store.known_splits() + store.roots().size() == store.vertex_count());
   std::vector<GridBox> whole = boxes_around_vertices(store);
-  // Children of a vertex have higher ids, and what was merged into it first the lowest: its node grows from left to right.
+  // Children of a vertex have higher ids, and what was merged into it first the lowest: its node
+  // grows from left to right.
   for (VertexId v{store.vertex_count()}; v.value-- > 0;) {
     const NodeSpan all = store.initial_node(v);
     for (VertexId u{v.value + 1}; u.value < all.end(); u.value += store.initial_node(u).size) {

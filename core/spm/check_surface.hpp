@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whether a model's header says the truth of its surface: the open edges and the parts, on which "inside" and "contained" rest
+// Whether a model's header says the truth of its surface: the open edges and the parts, on which
+// "inside" and "contained" rest
 //. Who builds or serves a model asks once; a peer cannot, since it holds a part.
 
 #include "nearmesh/core/spm/detail/split_store.hpp"

@@ -24,7 +24,8 @@ class ExpectedNodes {
     --count_;
     return true;
   }
-  // Which children are included is as good as random, so nothing branches: what is not is written over.
+  // Which children are included is as good as random, so nothing branches: what is not is written
+  // over.
   void push_children(const SplitRecord& record, const record::Inclusion& included) {
     nodes_[count_] = record.right();
     count_ += included.right ? 1 : 0;
@@ -90,7 +91,8 @@ class NodesToTell {
   std::vector<bool> told_;
 };
 
-// After each half-space a bit says whether another one follows; the last that there can be has none.
+// After each half-space a bit says whether another one follows; the last that there can be has
+// none.
 void put_half_spaces(NodesToTell::Group group, BitWriter& out) {
   for (std::size_t i = 0; i < group.size(); ++i) {
     const HalfSpace& half_space = group[i].half_space;
@@ -116,7 +118,8 @@ struct OpenBatch {
     last_attach = node.begin();
     ++attach_count;
   }
-  /// A bit for each node that a record makes and the treelet does not divide, whether there are any.
+  /// A bit for each node that a record makes and the treelet does not divide, whether there are
+  /// any.
   void add_made(const SplitRecord& record, const record::Inclusion& included, NodesToTell& nodes) {
     for (const bool left : {true, false}) {
       const NodeSpan node = left ? record.left() : record.right();
@@ -204,8 +207,8 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
                   "split batch: flags: expected 0, 1 or 3, found " + std::to_string(flags)};
   const std::uint64_t record_count = in.get_gamma();
   const std::uint64_t attach_count = in.get_gamma();
-  // Every attach node takes at least two bits and every record three, whatever the tables say: so what is allocated is bounded
-  // by the bytes.
+  // Every attach node takes at least two bits and every record three, whatever the tables say: so
+  // what is allocated is bounded by the bytes.
   if (in.overrun() || attach_count * 2 + record_count * 3 > in.bits_left() ||
       attach_count > record_count)
     return Status{StatusCode::kCorrupt,
@@ -269,8 +272,8 @@ Status read_half_spaces(NodeSpan node, BitReader& in, std::vector<NodeHalfSpace>
   return Status::ok();
 }
 
-// What follows the records: a bit for each node that they make and that has a box, whether there are any of it; then other
-// nodes, ascending and disjoint.
+// What follows the records: a bit for each node that they make and that has a box, whether there
+// are any of it; then other nodes, ascending and disjoint.
 Status read_all_half_spaces(const SpmHeader& header, BitReader in, SplitBatch& batch) {
   for (const SplitRecord& record : batch.splits) {
     if (record.left_box != kNoBox && in.get(1) != 0)

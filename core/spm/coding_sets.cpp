@@ -9,8 +9,8 @@
 namespace nearmesh {
 namespace {
 
-// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
-// Present symbols are few, so runs of zeros are counted.
+// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the
+// code is complete. Present symbols are few, so runs of zeros are counted.
 void write_table(BitWriter& out, const HuffmanTable& table) {
   out.put(table.lengths[kEscape], 4);
   std::uint32_t zeros = 0;
@@ -61,7 +61,8 @@ std::optional<CodingTables> read_set(std::uint32_t number) {
 // A constant each, read where it is first asked for: a set takes some 700 KB, and few are used.
 template <std::uint32_t kNumber>
 const std::optional<CodingTables>& constant_set() {
-  // NOLINTNEXTLINE(readability-identifier-naming): a constant, and the check for global state knows those by their names
+  // A constant, and the check for global state knows those by their names.
+  // NOLINTNEXTLINE(readability-identifier-naming)
   static const std::optional<CodingTables> kSet = read_set(kNumber);
   return kSet;
 }

@@ -78,8 +78,8 @@ HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts,
   weights[kEscape] = escapes + 1;
   HuffmanTable table;
   table.lengths = huffman_lengths(weights);
-  // Flatten the rarest until no code is too long; three or four rounds at most in practice, and each
-  // round halves the spread, so it ends.
+  // Flatten the rarest until no code is too long; three or four rounds at most in practice, and
+  // each round halves the spread, so it ends.
   while (*std::max_element(table.lengths.begin(), table.lengths.end()) > kMaxCodeBits) {
     for (std::uint64_t& w : weights) w = (w + 1) / 2;
     table.lengths = huffman_lengths(weights);

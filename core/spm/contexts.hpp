@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Contexts of the record codec, one code each (core/spm_format.md, "Coding tables"), and what stands after a symbol.
+// Contexts of the record codec, one code each (core/spm_format.md, "Coding tables"), and what
+// stands after a symbol.
 
 #include <algorithm>
 #include <array>
@@ -19,23 +20,23 @@ inline constexpr int kOffset2 = kOffset1 + 12;
 inline constexpr int kFaceCount = kOffset2 + 12;
 inline constexpr int kInLeft = kFaceCount + 1;  // eight classes of side size
 inline constexpr int kInRight = kInLeft + 8;
-inline constexpr int kCorners =
-    kInRight + 8;  // all inner corners of two faces, by the sizes of both sides
+// All inner corners of two faces, by the sizes of both sides.
+inline constexpr int kCorners = kInRight + 8;
 inline constexpr int kOutside = kCorners + 19;  // 32 kinds of guesses
-inline constexpr int kOutsidePair =
-    kOutside + 32;  // 13 kinds of the first face's guesses x 13 of the second's
-inline constexpr int kDistance =
-    kOutsidePair + 169;  // known neighbour or the node x below or above x 12 node sizes
+// 13 kinds of the first face's guesses x 13 of the second's.
+inline constexpr int kOutsidePair = kOutside + 32;
+// Known neighbour or the node x below or above x 12 node sizes.
+inline constexpr int kDistance = kOutsidePair + 169;
 inline constexpr int kBox = kDistance + 48;  // six classes of node size x three axes
 inline constexpr int kContextCount = kBox + 18;
 
 // Symbols with a meaning of their own.
 inline constexpr std::uint32_t kLongShape = 120;  // kShapeLarge: the length stands after it
-inline constexpr std::uint32_t kUnusualFaces =
-    33;  // kOffset0: added when the faces are not the usual two
+// kOffset0: added when the faces are not the usual two.
+inline constexpr std::uint32_t kUnusualFaces = 33;
 inline constexpr std::uint32_t kManyNewFaces = 10;  // kFaceCount: counts stand after it
-inline constexpr std::uint32_t kOutsideBelow =
-    4;  // kOutside: no guess is right; kOutsideBelow + 1: above
+// kOutside: no guess is right; kOutsideBelow + 1: above.
+inline constexpr std::uint32_t kOutsideBelow = 4;
 inline constexpr std::uint32_t kOutsideSymbols = 6;
 
 /// What follows the symbol of a number, its bit length: the bits below its leading one.
@@ -67,12 +68,12 @@ inline constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, 5>
       if (bits > last) ++classes[static_cast<std::size_t>(bits)];
   return classes;
 }
-inline constexpr auto kSmallClasses =
-    classes_of({1, 2, 3, 4, 6});  // 2, 3-4, 5-8, 9-16, 17-64, more
-inline constexpr auto kLevelClasses =
-    classes_of({1, 2, 3, 4, 5});  // 2, 3-4, 5-8, 9-16, 17-32, more
-inline constexpr auto kLargeClasses =
-    classes_of({4, 5, 6, 9, 13});  // 9-16, 17-32, 33-64, 65-512, 513-8192, more
+// 2, 3-4, 5-8, 9-16, 17-64, more.
+inline constexpr auto kSmallClasses = classes_of({1, 2, 3, 4, 6});
+// 2, 3-4, 5-8, 9-16, 17-32, more.
+inline constexpr auto kLevelClasses = classes_of({1, 2, 3, 4, 5});
+// 9-16, 17-32, 33-64, 65-512, 513-8192, more.
+inline constexpr auto kLargeClasses = classes_of({4, 5, 6, 9, 13});
 inline int class_of(std::uint32_t size, const std::array<std::int8_t, 33>& classes) {
   return classes[static_cast<std::size_t>(index_bits(size))];
 }
@@ -83,7 +84,8 @@ inline int distance_context(bool has_neighbour, bool below, std::uint32_t node_s
   return kDistance + direction * 12 + std::min(index_bits(node_size), 12) - 1;
 }
 
-/// One symbol says all inner corners of two faces where both sides' sizes less one have so many bits together.
+/// One symbol says all inner corners of two faces where both sides' sizes less one have so many
+/// bits together.
 inline constexpr int kMaxCornerBits = 3;
 inline constexpr std::size_t kMaxCornerSize = 8;
 /// By size of the left side, then of the right one.
@@ -98,8 +100,9 @@ inline constexpr auto kCornerContexts = [] {
 }();
 static_assert(kCornerContexts[kMaxCornerSize][1] == kOutside - 1);
 
-/// The kinds of guesses (OpenEdges::Around) that faces of a record have before any of them is there: on each of the two lists
-/// the free places stand last. Others, which no model has, count as the first.
+/// The kinds of guesses (OpenEdges::Around) that faces of a record have before any of them is
+/// there: on each of the two lists the free places stand last. Others, which no model has, count as
+/// the first.
 inline constexpr auto kPairKinds = [] {
   std::array<std::uint8_t, 32> kinds{};
   std::uint8_t next = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The bytes of a .spm file (layout: core/spm_format.md), for those who write files of many models, or name a file by its content.
+// The bytes of a .spm file (layout: core/spm_format.md), for those who write files of many models,
+// or name a file by its content.
 
 #include <string>
 

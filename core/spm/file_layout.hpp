@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Fixed parts of the .spm file; little-endian, as on every machine nearmesh runs on (core/spm_format.md).
+// Fixed parts of the .spm file; little-endian, as on every machine nearmesh runs on
+// (core/spm_format.md).
 
 #include <array>
 #include <bit>
@@ -42,8 +43,8 @@ struct DirectoryEntry {
 };
 static_assert(sizeof(DirectoryEntry) == 40);
 
-/// Where the model's metres and axes come from (mesh_origin.hpp). Stands before the directory; not part of the content,
-/// since the same model may come from many files.
+/// Where the model's metres and axes come from (mesh_origin.hpp). Stands before the directory; not
+/// part of the content, since the same model may come from many files.
 struct OriginEntry {
   double unit_m = 1, scale = 1;
   std::uint8_t unit_source = 0, up = 0, up_source = 0, z_up = 0;

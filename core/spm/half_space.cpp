@@ -22,7 +22,8 @@ int floor_root(int x) {
   return root;
 }
 
-/// A point of the octahedron |x| + |y| + |z| = kRadius; below the equator its sides are folded outwards.
+/// A point of the octahedron |x| + |y| + |z| = kRadius; below the equator its sides are folded
+/// outwards.
 std::array<int, 3> point_of(int column, int row) {
   const int u = 2 * column - kRadius, v = 2 * row - kRadius;
   const int w = kRadius - std::abs(u) - std::abs(v);
@@ -31,7 +32,8 @@ std::array<int, 3> point_of(int column, int row) {
           v < 0 ? std::abs(u) - kRadius : kRadius - std::abs(u), w};
 }
 
-/// The point at a distance of 127, rounded, by integers alone: round(127 x / |p|) = (floor(254 x / |p|) + 1) / 2.
+/// The point at a distance of 127, rounded, by integers alone: round(127 x / |p|) = (floor(254 x /
+/// |p|) + 1) / 2.
 Normal normal_of(const std::array<int, 3>& p) {
   const int square = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
   Normal normal{};

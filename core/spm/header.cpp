@@ -31,7 +31,8 @@ std::uint32_t read_count(BitReader& in) {
   return length > 1 ? 1U << (length - 1) | in.get(length - 1) : static_cast<std::uint32_t>(length);
 }
 
-// In the place of a length of whole cells: the cells to the origin of a lattice that the model shares come first.
+// In the place of a length of whole cells: the cells to the origin of a lattice that the model
+// shares come first.
 constexpr int kOnLattice = 63;
 
 void write_whole(BitWriter& out, double cells) {
@@ -136,8 +137,8 @@ Status read_surface(BitReader& in, SpmHeader& header) {
   return Status::ok();
 }
 
-// The box of each of a base face's three roots encloses the face: they share a point, and hold each corner whose place is
-// known, which is that of a root's first vertex.
+// The box of each of a base face's three roots encloses the face: they share a point, and hold each
+// corner whose place is known, which is that of a root's first vertex.
 Status check_base_faces(const SpmHeader& header) {
   const auto grid_max = static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1);
   for (const SplitFace& face : header.base_faces) {
@@ -260,7 +261,8 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
                    " of 0, found " + std::to_string(header.grid.exponent));
   for (const std::uint8_t shift : header.lattice_shift)
     if (shift > header.grid.bits) return corrupt("lattice shift exceeds the grid");
-  // A root takes at least 47 bits and a base face four: no count can ask for more memory than the bytes justify.
+  // A root takes at least 47 bits and a base face four: no count can ask for more memory than the
+  // bytes justify.
   if (root_count > bytes.size() * 2) return corrupt("root count " + std::to_string(root_count));
   if (base_face_count > header.face_count || base_face_count > bytes.size() * 2)
     return corrupt("base face count " + std::to_string(base_face_count));

@@ -19,7 +19,8 @@ inline SplitRecord make_record(const SplitStore& store, const TreeletSplit& spli
   record.face_begin = static_cast<std::uint32_t>(faces.size());
   record.face_count = static_cast<std::uint32_t>(own.size());
   faces.insert(faces.end(), own.begin(), own.end());
-  // Who holds a part has no box of its own for a node that came split: it lies within the nearest ancestor's.
+  // Who holds a part has no box of its own for a node that came split: it lies within the nearest
+  // ancestor's.
   const auto box_of = [&store](const NodeSpan& child) {
     const BoxCode code = store.box_code(child);
     return code[0] != kNoBoxCode ? code : encode_box(store.position(child.first), store.box(child));

@@ -90,8 +90,8 @@ std::string ModelFile::Impl::change() const {
 }
 
 Status ModelFile::Impl::open() {
-  // To open a FIFO waits for who writes to it, and to open a device may do something: neither is opened, and what comes
-  // in the file's place just then does not block.
+  // To open a FIFO waits for who writes to it, and to open a device may do something: neither is
+  // opened, and what comes in the file's place just then does not block.
   if (::stat(path.c_str(), &opened) == 0 && !S_ISREG(opened.st_mode))
     return {StatusCode::kIo, path + ": not a regular file"};
   descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
@@ -205,8 +205,9 @@ Status ModelFile::Impl::read_directory() {
 }
 
 Status ModelFile::Impl::check_directory() {
-  // Entries stand by level, then by first id; require() searches within a level. Their blocks stand one after the other: were one named by many entries,
-  // to read them all would take far longer than the file is long.
+  // Entries stand by level, then by first id; require() searches within a level. Their blocks stand
+  // one after the other: were one named by many entries, to read them all would take far longer
+  // than the file is long.
   const std::span<const DirectoryEntry> all = directory;
   const std::uint64_t blocks_end = preamble.directory_offset - sizeof(OriginEntry);
   std::uint64_t offset = sizeof(Preamble) + preamble.header_bytes;
@@ -333,7 +334,8 @@ Result<std::vector<std::vector<std::uint8_t>>> ModelFile::prove(NodeSpan node) {
     leaves.push_back(impl.preamble.face_table_digest);
     impl.tree = grow_tree(std::move(leaves));
   }
-  // A node of the content is in a block of its level. What is none may reach across all of those: the next larger block shows it.
+  // A node of the content is in a block of its level. What is none may reach across all of those:
+  // the next larger block shows it.
   const DirectoryEntry* entry = nullptr;
   for (auto level = static_cast<std::size_t>(block_level(node.size));
        entry == nullptr && level < impl.levels.size(); ++level)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The model files of a folder, by content: from them a peer's replica is made where the recording lacks its batches. Takes a
-// folder, lends files.
+// The model files of a folder, by content: from them a peer's replica is made where the recording
+// lacks its batches. Takes a folder, lends files.
 
 #include <cstdint>
 #include <functional>
@@ -26,7 +26,8 @@ class ModelFolder {
   /// Calls use(file) with the one that has this content. Out: false where there is none.
   [[nodiscard]] bool lend(const ContentHash& content_hash,
                           const std::function<void(ModelFile&)>& use);
-  /// Where the file with this content is; none: no file has it. Where several have it, the first by name.
+  /// Where the file with this content is; none: no file has it. Where several have it, the first by
+  /// name.
   [[nodiscard]] std::optional<std::string> path_of(const ContentHash& content_hash) const;
   /// One line each: files that cannot be read.
   [[nodiscard]] const std::vector<std::string>& complaints() const { return complaints_; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Guesses of outside corners, one for both directions of the record codec (core/spm_format.md, "Record").
+// Guesses of outside corners, one for both directions of the record codec (core/spm_format.md,
+// "Record").
 
 #include <array>
 #include <bit>
@@ -14,14 +15,15 @@
 
 namespace nearmesh::record {
 
-/// Guesses the outside corner of a face from its other two: where an earlier face of the batch lies across one of the
-/// new face's edges, its corner there is the one. Holds, for the vertices seen last, the directed edges of faces whose
-/// other side has not come; ids near each other fall on different slots.
-/// Which of two values is wanted is as good as random here, so nothing branches: masks choose.
+/// Guesses the outside corner of a face from its other two: where an earlier face of the batch lies
+/// across one of the new face's edges, its corner there is the one. Holds, for the vertices seen
+/// last, the directed edges of faces whose other side has not come; ids near each other fall on
+/// different slots. Which of two values is wanted is as good as random here, so nothing branches:
+/// masks choose.
 class OpenEdges {
  public:
-  /// Open edges of a vertex: from it to the first two, from the last two to it, each the latest first. The vertex itself
-  /// stands for none, since it is never outside.
+  /// Open edges of a vertex: from it to the first two, from the last two to it, each the latest
+  /// first. The vertex itself stands for none, since it is never outside.
   using Lists = std::uint32_t __attribute__((vector_size(16)));
   /// What is known around a face with these two corners.
   struct Around {
@@ -44,7 +46,8 @@ class OpenEdges {
     a.kind = outside(a.guesses, node) | ((high_bits(agree) + 15) & 16U);
     return a;
   }
-  /// Some vertex outside of `node` that shares an open edge with the face's left or right corner, or `none`.
+  /// Some vertex outside of `node` that shares an open edge with the face's left or right corner,
+  /// or `none`.
   [[nodiscard]] static std::uint32_t neighbour(const Around& around, const NodeSpan& node,
                                                std::uint32_t none) {
     const std::array<Lists, 2> all{around.left, around.right};
@@ -77,15 +80,16 @@ class OpenEdges {
     return bits[0] | bits[1] | bits[2] | bits[3];
 #endif
   }
-  // Bit i: vertex i is outside. Ids are below 2^30, so a difference's highest bit says that it is negative.
+  // Bit i: vertex i is outside. Ids are below 2^30, so a difference's highest bit says that it is
+  // negative.
   static std::uint32_t outside(Lists vertices, const NodeSpan& node) {
     return high_bits((vertices - all(node.begin())) | (all(node.end() - 1) - vertices));
   }
   [[nodiscard]] Lists lists(std::uint32_t v) const {
     return select(Lists(all(owners_[v % kSlots]) == all(v)), lists_[v % kSlots], all(v));
   }
-  // A face's edges at v, one from `before` and one to `after`. Each closes the edge that runs the other way where the
-  // list still has it, and stays open otherwise.
+  // A face's edges at v, one from `before` and one to `after`. Each closes the edge that runs the
+  // other way where the list still has it, and stays open otherwise.
   void add_corner(std::uint32_t v, std::uint32_t before, std::uint32_t after) {
     const Lists old = lists(v);
     const Lists none = all(v);

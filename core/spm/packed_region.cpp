@@ -55,7 +55,8 @@ std::uint8_t extent_code_below(std::int32_t x) {
   return box_extent(code) <= x ? code : box_extent_code(box_extent(code - 1));
 }
 
-// Where slabs of a part may lie: what its two bytes stand for. Numbers are 128 times what RegionPart has.
+// Where slabs of a part may lie: what its two bytes stand for. Numbers are 128 times what
+// RegionPart has.
 class SlabScale {
  public:
   // In: a part's box, radius and normal, as they are when it arrives.

@@ -1,42 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The one record codec (core/spm_format.md, "Record"): a record described once for counting, writing and reading. `Coder` is
-// any of CountingCoder, WritingCoder, ReadingCoder; each member takes the value by reference, uses it when counting or
-// writing and sets it when reading, so that the two directions cannot drift apart.
+// The one record codec (core/spm_format.md, "Record"): a record described once for counting,
+// writing and reading. `Coder` is any of CountingCoder, WritingCoder, ReadingCoder; each member
+// takes the value by reference, uses it when counting or writing and sets it when reading, so that
+// the two directions cannot drift apart.
 //
-// A record is the split of one node. Say node [40..44] is split at 42: vertex 42 appears beside 40, with two faces:
+// A record is the split of one node. Say node [40..44] is split at 42: vertex 42 appears beside 40,
+// with two faces:
 //
 //          a                  a             left child [40..41], right child [42..44]
 //         / \                /|\            face 1: left 40, right 42, outside a
-//        /   \              / | \           face 2: left 40, right 42, outside b, flipped (runs the other way round)
-//       40    .    ->      40--42  .        a and b are vertices outside of the node; a face's left corner is any vertex of
-//        \   /              \ | /           the left child, and its right one any of the right child: in the full mesh the
-//         \ /                \|/            face may join 41 and 44
+//        /   \              / | \           face 2: left 40, right 42, outside b, flipped (runs
+//       40    .    ->      40--42  .                the other way round)
+//        \   /              \ | /
+//         \ /                \|/
 //          b                  b
 //
-// On the wire it is, symbol by symbol, each by the Huffman code of a context that follows from what is in [ ]:
+// a and b are vertices outside of the node; a face's left corner is any vertex of the left child,
+// and its right one any of the right child: in the full mesh the face may join 41 and 44.
 //
-//      shape          [node size 5]        right child has 3 vertices; its split is in this batch, the left child's is not
-//      x offset       [node size]          bit length of |42.x - 40.x|, then its bits below the leading one, and the sign
+// On the wire it is, symbol by symbol, each by the Huffman code of a context that follows from what
+// is in [ ]:
+//
+//      shape          [node size 5]        right child has 3 vertices; its split is in this batch,
+//                                          the left child's is not
+//      x offset       [node size]          bit length of |42.x - 40.x|, then its bits below the
+//                                          leading one, and the sign
 //      y offset       [length of x]        the same
 //      z offset       [longer of x and y]  the same
-//      inner corners  [sizes of children]  all four of the two faces, as places in their children: here 0, 0 and 0, 0
-//      outside pair   [kinds of guesses]   both outside corners: "a is guess 0, b is none of the guesses and above"
-//      distance       [...]                how far b lies above: only for a corner that was not guessed
-//      box of left    [size of left child] six extents. The right child's is not sent: it is split in this batch as well
+//      inner corners  [sizes of children]  all four of the two faces, as places in their children:
+//                                          here 0, 0 and 0, 0
+//      outside pair   [kinds of guesses]   both outside corners: "a is guess 0, b is none of the
+//                                          guesses and above"
+//      distance       [...]                how far b lies above: only for a corner that was not
+//                                          guessed
+//      box of left    [size of left child] six extents. The right child's is not sent: it is split
+//                                          in this batch as well
 //
-// The node itself is not on the wire: it follows from the record before (codec.cpp, ExpectedNodes). Five things keep it short:
-//   - The first vertex stands for the node, so an offset from it is small, and the smaller the node the smaller.
+// The node itself is not on the wire: it follows from the record before (codec.cpp, ExpectedNodes).
+// Five things keep it short:
+//   - The first vertex stands for the node, so an offset from it is small, and the smaller the node
+//     the smaller.
 //   - A number is coded as its bit length and its bits: what is predictable is its size.
-//   - What is usual costs nothing. Nearly every record has two faces, the second flipped, so a record says only when it has
-//     not: by 33 added to the first offset's length (kUnusualFaces).
-//   - Outside corners are guessed. Next to a face there mostly is a face of this batch already, which has an edge that waits
-//     for its other side (open_edges.hpp): the corner across it is the guess.
+//   - What is usual costs nothing. Nearly every record has two faces, the second flipped, so a
+//     record says only when it has not: by 33 added to the first offset's length (kUnusualFaces).
+//   - Outside corners are guessed. Next to a face there mostly is a face of this batch already,
+//     which has an edge that waits for its other side (open_edges.hpp): the corner across it is the
+//     guess.
 //   - Symbols that go together are one: a Huffman code spends a whole bit at least on each.
 //
-// Whoever reads must not believe a field. Each value is checked where it is read, and set to something harmless where it
-// is wrong, so that reading can go on to the end of the record without a look at an error after each field; the first one
-// is kept in the coder, and good() asks for it.
+// Whoever reads must not believe a field. Each value is checked where it is read, and set to
+// something harmless where it is wrong, so that reading can go on to the end of the record without
+// a look at an error after each field; the first one is kept in the coder, and good() asks for it.
 
 #include <algorithm>
 #include <array>
@@ -53,8 +68,8 @@ namespace nearmesh::record {
 
 // ---- values -------------------------------------------------------------------------------------
 
-/// A number of at most 32 bits: its bit length as a symbol, then the bits below its leading one. Takes at most
-/// kMaxCodeBits + 31 of what is ready.
+/// A number of at most 32 bits: its bit length as a symbol, then the bits below its leading one.
+/// Takes at most kMaxCodeBits + 31 of what is ready.
 template <class Coder>
 void code_number(Coder& coder, int context, std::uint32_t& value) {
   auto length = static_cast<std::uint32_t>(bit_length(value));
@@ -90,7 +105,8 @@ struct Inclusion {
   bool left = false, right = false;  // the child's split is in the same treelet
 };
 
-/// Where the node is divided, as the size of the right child in [1, size), and which children are divided too.
+/// Where the node is divided, as the size of the right child in [1, size), and which children are
+/// divided too.
 template <class Coder>
 void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusion& included) {
   // Two vertices can be parted one way, and neither child can be divided: no symbol.
@@ -143,13 +159,14 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
     fail(coder, "size of a child");
   }
   included = {(flags & 1U) != 0, (flags & 2U) != 0};
-  // A leaf cannot be divided. Sizes are below 2^31: the highest bit of one less two says that it is 1, and nothing branches.
+  // A leaf cannot be divided. Sizes are below 2^31: the highest bit of one less two says that it is
+  // 1, and nothing branches.
   if ((flags & ((size - right - 2) >> 31)) | (flags >> 1 & ((right - 2) >> 31)))
     fail(coder, "included children");
 }
 
-/// One axis of an offset: bit length of the magnitude as a symbol (plus `bias`, which reading returns), then the bits
-/// below its leading one and the sign.
+/// One axis of an offset: bit length of the magnitude as a symbol (plus `bias`, which reading
+/// returns), then the bits below its leading one and the sign.
 template <class Coder>
 int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, std::uint32_t& bias,
                 std::int32_t& offset) {
@@ -186,7 +203,8 @@ struct InnerCorners {
   std::array<std::uint32_t, 2> left{}, right{};
 };
 
-/// One symbol for all four where the sides are small, else a number each; nothing where both are leaves.
+/// One symbol for all four where the sides are small, else a number each; nothing where both are
+/// leaves.
 template <class Coder>
 void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t right_size,
                         InnerCorners& corners) {
@@ -194,7 +212,8 @@ void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t rig
   if (left_size + right_size == 2) return;
   const int left_bits = index_bits(left_size), right_bits = index_bits(right_size);
   coder.refill();
-  // As digits of one number, each as wide as its side needs: at most 2 * kMaxCornerBits bits in all.
+  // As digits of one number, each as wide as its side needs: at most 2 * kMaxCornerBits bits in
+  // all.
   if (left_bits + right_bits <= kMaxCornerBits) {
     const int right_at = 2 * left_bits;
     std::uint32_t symbol =
@@ -223,7 +242,8 @@ inline Guesses guesses_of(const OpenEdges::Around& around) {
   return std::bit_cast<Guesses>(around.guesses);
 }
 
-/// The symbol of an outside corner: which guess is right, or on which side of the neighbour it lies.
+/// The symbol of an outside corner: which guess is right, or on which side of the neighbour it
+/// lies.
 inline std::uint32_t outside_symbol(const OpenEdges::Around& around, const NodeSpan& node,
                                     std::uint32_t outside) {
   const Guesses guesses = guesses_of(around);
@@ -232,8 +252,8 @@ inline std::uint32_t outside_symbol(const OpenEdges::Around& around, const NodeS
   return kOutsideBelow + (outside < OpenEdges::neighbour(around, node, node.begin()) ? 0 : 1);
 }
 
-/// The outside corner that `symbol` stands for. If it is not among the guesses it is likely to be near some vertex that
-/// the face's own corners share an edge with; without one, near the node.
+/// The outside corner that `symbol` stands for. If it is not among the guesses it is likely to be
+/// near some vertex that the face's own corners share an edge with; without one, near the node.
 template <class Coder>
 void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around& around,
                   const NodeSpan& node, std::uint32_t symbol, std::uint32_t& outside) {
@@ -257,7 +277,8 @@ void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around
   if (Coder::kReads && node.contains({outside})) fail(coder, "outside corner");
 }
 
-/// The usual two faces. Both corners' guesses are of what is known before either: all but the symbols can then be had at once.
+/// The usual two faces. Both corners' guesses are of what is known before either: all but the
+/// symbols can then be had at once.
 template <class Coder>
 void code_two_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
                     std::uint32_t split, SplitFace* faces) {
@@ -334,8 +355,8 @@ void code_face_count(Coder& coder, std::uint32_t& count, std::uint32_t& flipped)
   }
 }
 
-/// Faces of any number but the usual two, the flipped ones last. In: node and split of the record; reading: faces are appended
-/// from record.face_begin on, over what stands there.
+/// Faces of any number but the usual two, the flipped ones last. In: node and split of the record;
+/// reading: faces are appended from record.face_begin on, over what stands there.
 template <class Coder>
 [[gnu::noinline]] void code_any_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges,
                                       SplitRecord& record, std::vector<SplitFace>& faces) {
@@ -378,8 +399,9 @@ void code_box(Coder& coder, std::uint32_t size, BoxCode& box) {
 
 // ---- the record ---------------------------------------------------------------------------------
 
-/// Codes `node`'s split. In: record.node and face_begin, box_policy; everything else is in when writing and out when reading.
-/// `faces` are the record's from face_begin on (reading: appended there, over what stands there).
+/// Codes `node`'s split. In: record.node and face_begin, box_policy; everything else is in when
+/// writing and out when reading. `faces` are the record's from face_begin on (reading: appended
+/// there, over what stands there).
 template <class Coder>
 void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, OpenEdges& edges,
                  SplitRecord& record, Inclusion& included, std::vector<SplitFace>& faces) {
@@ -389,8 +411,8 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   const std::uint32_t split = node.end() - right_size, left_size = node.size - right_size;
   if (Coder::kReads) record.split = {split};
 
-  // Where the new vertex stands, from the old one; and whether the faces that appear are other than two, the second of
-  // them flipped.
+  // Where the new vertex stands, from the old one; and whether the faces that appear are other than
+  // two, the second of them flipped.
   std::uint32_t unusual = 0, none = 0;
   if (!Coder::kReads) {
     const SplitFace* const own = faces.data() + record.face_begin;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the record codec (record_codec.hpp) codes with: three coders of one shape, that count, write and read.
-// A reader looks at its bytes once for several fields: refill() makes WindowReader::kReadyBits of them ready, of which a
-// symbol takes at most kMaxCodeBits (an escape sees to itself) and raw(n) takes n.
+// What the record codec (record_codec.hpp) codes with: three coders of one shape, that count, write
+// and read. A reader looks at its bytes once for several fields: refill() makes
+// WindowReader::kReadyBits of them ready, of which a symbol takes at most kMaxCodeBits (an escape
+// sees to itself) and raw(n) takes n.
 
 #include <algorithm>
 #include <array>
@@ -77,7 +78,8 @@ class ReadingCoder {
     if (found.symbol == kEscape) [[unlikely]]
       value = long_symbol(contexts_[context]);
   }
-  /// A symbol and the Tail::bits(symbol) bits after it: the look-up says how many bits they take together.
+  /// A symbol and the Tail::bits(symbol) bits after it: the look-up says how many bits they take
+  /// together.
   template <class Tail>
   void number(int context, std::uint32_t& value, std::uint32_t& tail) {
     const HuffmanTable::Decoded found = look_up(context);

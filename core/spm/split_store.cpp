@@ -15,8 +15,8 @@ namespace nearmesh {
 
 namespace {
 
-// floor(2^(k/4)) scaled is irrational but for k % 4 == 0, so the smallest integer >= 2^(k/4) - 1 is its floor; the four
-// constants are exact to a double, far more than 32 bits need.
+// floor(2^(k/4)) scaled is irrational but for k % 4 == 0, so the smallest integer >= 2^(k/4) - 1 is
+// its floor; the four constants are exact to a double, far more than 32 bits need.
 std::array<std::int32_t, kMaxExtentCode + 1> make_extents() {
   constexpr double kQuarter[4] = {1.0, 1.1892071150027210667, 1.4142135623730950488,
                                   1.6817928305074290861};
@@ -43,7 +43,8 @@ std::int64_t box_extent(std::uint8_t code) { return kExtents[code]; }
 
 std::uint8_t box_extent_code(std::int64_t x) {
   if (x <= 0) return 0;
-  // extent(4 (b - 1)) = 2^(b - 1) - 1 < x <= 2^b - 1 = extent(4 b), b being x's bit length: one of four.
+  // extent(4 (b - 1)) = 2^(b - 1) - 1 < x <= 2^b - 1 = extent(4 b), b being x's bit length: one of
+  // four.
   const int below = 4 * (static_cast<int>(std::bit_width(static_cast<std::uint64_t>(x))) - 1);
   NEARMESH_ASSERT(below < kMaxExtentCode);
   return static_cast<std::uint8_t>(below + 1 + (kExtents[below + 1] < x) +
@@ -183,8 +184,8 @@ NodeSpan SplitStore::boxed_ancestor(NodeSpan node) const {
 
 // ---- what a record says, against the boxes ------------------------------------------------------
 
-// The box of the nearest node above that has one, or of one farther up: what follows in a batch lies below the same, so the
-// walk to it is seldom made.
+// The box of the nearest node above that has one, or of one farther up: what follows in a batch
+// lies below the same, so the walk to it is seldom made.
 const GridBox& SplitStore::bounds_of(NodeSpan node) {
   const bool is_below =
       bounded_.size != 0 && bounded_.begin() <= node.begin() && node.end() <= bounded_.end();
@@ -196,8 +197,8 @@ const GridBox& SplitStore::bounds_of(NodeSpan node) {
 
 namespace {
 
-// Whether the code may be that of a box inside `outer`, which has `at` in it: it is the smallest that covers, so one less
-// would not reach.
+// Whether the code may be that of a box inside `outer`, which has `at` in it: it is the smallest
+// that covers, so one less would not reach.
 bool may_be_within(Axes at, const BoxCode& code, const AxesBox& outer) {
   const auto shorter = [&](std::size_t side) {
     return Axes{kShorter[code[side]], kShorter[code[2 + side]], kShorter[code[4 + side]], -1};
@@ -214,7 +215,8 @@ AxesBox decoded(Axes at, const BoxCode& code, std::int32_t grid_max) {
 
 }  // namespace
 
-// A node that came without a box may be passed on with that of any node above it, so one of these must reach as far.
+// A node that came without a box may be passed on with that of any node above it, so one of these
+// must reach as far.
 bool SplitStore::is_within_reach(const SplitRecord& record, const GridPoint& at,
                                  const BoxCode& code) const {
   const Axes place = axes_of(at);
@@ -227,8 +229,9 @@ bool SplitStore::is_within_reach(const SplitRecord& record, const GridPoint& at,
   return false;
 }
 
-// The box of a node encloses every face that has a corner in it. So the new vertex lies in the node's, and of a face of this
-// split, which has a corner in either child, each corner whose place is known in the node's and in both children's.
+// The box of a node encloses every face that has a corner in it. So the new vertex lies in the
+// node's, and of a face of this split, which has a corner in either child, each corner whose place
+// is known in the node's and in both children's.
 const char* SplitStore::fault_of_boxes(const SplitRecord& record, std::span<const SplitFace> faces,
                                        const GridBox& outside) {
   const AxesBox bounds(bounds_of(record.node));
@@ -306,7 +309,8 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
   NEARMESH_RETURN_IF_ERROR(check(record, faces));
   if (const char* fault = fault_of_boxes(record, faces, outside))
     return contradiction(record, fault);
-  // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
+  // Asked of the node, not of the entry: a page that is read before it is written costs the kernel
+  // two faults.
   const bool known = split_of(record.node).is_valid();
   Entry& entry = entries_.set(record.split.value);
   if (!known) {

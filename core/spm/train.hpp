@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How a model's coding tables come about: its own stored blocks and typical requests are counted once, while it is baked. By these
-// one of the built-in sets is chosen, or tables are made that the header carries.
+// How a model's coding tables come about: its own stored blocks and typical requests are counted
+// once, while it is baked. By these one of the built-in sets is chosen, or tables are made that the
+// header carries.
 
 #include <array>
 #include <cstdint>
@@ -18,8 +19,9 @@ using TrainingCounts = std::vector<std::array<std::uint64_t, kSymbolLimit>>;
 void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
                    BoxPolicy boxes, TrainingCounts& counts);
 
-/// Symbols that are met less than once in so many splits have no code of their own: it takes some six bits of the header,
-/// which every peer receives, and without it the symbol takes seven bits more.
+/// Symbols that are met less than once in so many splits have no code of their own: it takes some
+/// six bits of the header, which every peer receives, and without it the symbol takes seven bits
+/// more.
 inline constexpr std::uint64_t kTableSplits = 20'000;
 /// In: counts of coding_context_count() contexts.
 [[nodiscard]] CodingTables make_tables(const TrainingCounts& counts,
@@ -30,14 +32,16 @@ inline constexpr std::uint64_t kTableSplits = 20'000;
 /// Bits that coding what was counted takes, with what follows each symbol in any case.
 [[nodiscard]] std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables);
 
-/// A built-in set makes a model's answers larger than its own tables would, and its header smaller by these. A peer that loads
-/// so many bytes of answers is to receive the fewest (core/spm/README.md).
+/// A built-in set makes a model's answers larger than its own tables would, and its header smaller
+/// by these. A peer that loads so many bytes of answers is to receive the fewest
+/// (core/spm/README.md).
 inline constexpr std::uint64_t kChosenForBytes = 16'384;
-/// The built-in set that codes the counts best; tables of the model's own where these are worth their place in the header. In: what
-/// was counted in a model of so many splits: nobody loads more than all of them.
+/// The built-in set that codes the counts best; tables of the model's own where these are worth
+/// their place in the header. In: what was counted in a model of so many splits: nobody loads more
+/// than all of them.
 [[nodiscard]] CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count);
-/// The built-in set alone: for many models of one kind, of which a peer holds headers and tables of several. Own tables only where
-/// no set is of this codec.
+/// The built-in set alone: for many models of one kind, of which a peer holds headers and tables of
+/// several. Own tables only where no set is of this codec.
 [[nodiscard]] CodingTables nearest_set(const TrainingCounts& counts);
 
 /// How many contexts the codec has.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why tiles answer as one mesh would: see world_probe.cpp. A page or tile that is not here is to a probe as an unresolved node is: whatever its box holds may be
-// met where the probe enters the box, and not before.
+// Why tiles answer as one mesh would: see world_probe.cpp. A page or tile that is not here is to a
+// probe as an unresolved node is: whatever its box holds may be met where the probe enters the box,
+// and not before.
 #include "held_probe.hpp"
 
 #include <algorithm>

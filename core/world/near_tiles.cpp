@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why boxes in the world's grid prove it: pose_point of a tile's point is that of the world's point in exact arithmetic, the tile's
-// `translation` and `remainder` being the way from the one origin to the other in the same fixed-point rotation. So the slack of
-// box_overlap.cpp, half a cell about the affine image, is that of the world's frame too. It covers int32 points, which a world's are.
+// Why boxes in the world's grid prove it: pose_point of a tile's point is that of the world's point
+// in exact arithmetic, the tile's `translation` and `remainder` being the way from the one origin
+// to the other in the same fixed-point rotation. So the slack of box_overlap.cpp, half a cell about
+// the affine image, is that of the world's frame too. It covers int32 points, which a world's are.
 #include "near_tiles.hpp"
 
 #include <algorithm>
@@ -47,7 +48,8 @@ class Search {
   }
 
  private:
-  /// Of most entries it is enough to know that others are nearer. An entry's box may be less than its code says.
+  /// Of most entries it is enough to know that others are nearer. An entry's box may be less than
+  /// its code says.
   [[nodiscard]] bool is_farther(const WorldEntry& entry, double apart_m) const {
     double gap = 0;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -125,8 +127,9 @@ Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage&
   const GridBox reach = grown(body, reach_cells);
   Result<NearTiles> near = find_near_tiles(world, root, page_of, body_in_world, reach);
   NEARMESH_RETURN_IF_ERROR(near);
-  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds. A pose from the bus is
-  // a rotation but for 1e-5, and what the body grew by shrinks with it.
+  // A point so near the body that growing takes it in would not be apart. Four cells of each cover
+  // what posing rounds. A pose from the bus is a rotation but for 1e-5, and what the body grew by
+  // shrinks with it.
   const double apart_m = near.value().apart_m;
   const double grown_m = std::max(
       0.0, (growth(body, reach) - 4) * body_in_world.least_metres_per_b_unit * (1 - 0x1p-30) -

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which tiles of a posed world a posed body may meet, by the boxes of pages. A page that is not at hand is an unresolved node of the
-// world: it is named, and nothing is said of what is below it.
+// Which tiles of a posed world a posed body may meet, by the boxes of pages. A page that is not at
+// hand is an unresolved node of the world: it is named, and nothing is said of what is below it.
 
 #include <functional>
 #include <limits>
@@ -27,18 +27,21 @@ struct NearTiles {
   std::uint64_t pages = 0;  ///< looked at
 };
 
-/// The page of an entry at a level, checked (check_page); null where it is not at hand. It stays where it is until the search has ended.
+/// The page of an entry at a level, checked (check_page); null where it is not at hand. It stays
+/// where it is until the search has ended.
 using PageOf = std::function<Result<const WorldPage*>(const WorldEntry& entry, int level)>;
 
 /// In: a box of a world's, which fits.
 [[nodiscard]] GridBox as_grid_box(const CellBox& box);
 
-/// The grid in whose cells pages have their boxes. Posed, it places each point of the lattice where the tiles' own grids place it.
+/// The grid in whose cells pages have their boxes. Posed, it places each point of the lattice where
+/// the tiles' own grids place it.
 [[nodiscard]] Grid world_grid(const WorldRecord& world);
 
-/// In: the root page; body_in_world maps the body's grid into world_grid. No posed face of a tile that is neither listed nor below a
-/// missing page meets a posed triangle with its corners in `body`. Errors: those of page_of, of
-/// MetPages, so a walk is no longer than there are pages, and of check_each_once(). Cost: some 0.1 us an entry of the pages near the body.
+/// In: the root page; body_in_world maps the body's grid into world_grid. No posed face of a tile
+/// that is neither listed nor below a missing page meets a posed triangle with its corners in
+/// `body`. Errors: those of page_of, of MetPages, so a walk is no longer than there are pages, and
+/// of check_each_once(). Cost: some 0.1 us an entry of the pages near the body.
 [[nodiscard]] Result<NearTiles> find_near_tiles(const WorldRecord& world, const WorldPage& root,
                                                 const PageOf& page_of,
                                                 const RelativeFrame& body_in_world,
@@ -53,8 +56,9 @@ struct TilesAround {
 /// The box of all faces of a model, as its header tells it: the same whatever is held.
 [[nodiscard]] GridBox whole_box(const SplitStore& store);
 
-/// As find_near_tiles(), of the body's box grown by so many cells of its grid on each side: what must not be met is listed early, and all else is
-/// farther. The same on whoever holds the same pages. In: whole_box(); body_in_world maps the body's grid into world_grid.
+/// As find_near_tiles(), of the body's box grown by so many cells of its grid on each side: what
+/// must not be met is listed early, and all else is farther. The same on whoever holds the same
+/// pages. In: whole_box(); body_in_world maps the body's grid into world_grid.
 [[nodiscard]] Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
                                                     const PageOf& page_of,
                                                     const RelativeFrame& body_in_world,

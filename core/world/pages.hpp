@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The pages of a set of tiles. They follow from the set alone: where a tile is exchanged for another in its place, all pages but those
-// above it stay.
+// The pages of a set of tiles. They follow from the set alone: where a tile is exchanged for
+// another in its place, all pages but those above it stay.
 
 #include "page.hpp"
 
@@ -21,8 +21,8 @@ struct WorldPages {
   std::vector<std::pair<ContentHash, std::vector<std::uint8_t>>> pages;  ///< root first
 };
 
-/// In: tiles in any order, one content or several. Errors: kInvalidArgument (no tile, the same one twice in one place), kUnsupported (a world
-/// that leaves kWorldCells). Cost: O(n log n).
+/// In: tiles in any order, one content or several. Errors: kInvalidArgument (no tile, the same one
+/// twice in one place), kUnsupported (a world that leaves kWorldCells). Cost: O(n log n).
 [[nodiscard]] Result<WorldPages> make_pages(const CommonLattice& lattice, int bits,
                                             const std::vector<PlacedTile>& tiles);
 

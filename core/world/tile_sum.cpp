@@ -10,7 +10,8 @@
 namespace nearmesh {
 namespace {
 
-/// The distance, its points and what bounds it, of the tile that is nearer. Of tiles that touch nothing matters.
+/// The distance, its points and what bounds it, of the tile that is nearer. Of tiles that touch
+/// nothing matters.
 void take_nearer(const Answer& tile, Answer& sum) {
   if (tile.clearance_m < sum.clearance_m) {
     sum.clearance_m = tile.clearance_m;

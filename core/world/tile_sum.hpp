@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The answer about a world and a body from those about its tiles (takes one for each tile that may be near, gives one for all). A peer's session and
-// the proof of its recording both add here, so what is proved is what was answered.
+// The answer about a world and a body from those about its tiles (takes one for each tile that may
+// be near, gives one for all). A peer's session and the proof of its recording both add here, so
+// what is proved is what was answered.
 //
-// Why the sum is right: every face of the world is in one tile. A tile is apart by a box of a page that is here, or below a page that is not, or its trees
-// were asked, or nothing is known of it. The first touches nothing (find_near_tiles); where there is one of the second or last kind nothing is certified.
-// Tiles are posed to the points that one mesh of them all would be posed to (Grid::lattice_cells), and none has a face of another's.
+// Why the sum is right: every face of the world is in one tile. A tile is apart by a box of a page
+// that is here, or below a page that is not, or its trees were asked, or nothing is known of it.
+// The first touches nothing (find_near_tiles); where there is one of the second or last kind
+// nothing is certified. Tiles are posed to the points that one mesh of them all would be posed to
+// (Grid::lattice_cells), and none has a face of another's.
 
 #include <cstdint>
 #include <vector>
@@ -24,7 +27,8 @@ struct TileSumOptions {
 
 class TileSum {
  public:
-  /// In: the world's content; what else is near it, but for its tiles, which are added in their order.
+  /// In: the world's content; what else is near it, but for its tiles, which are added in their
+  /// order.
   TileSum(const TileSumOptions& options, const ContentHash& world, const TilesAround& around);
 
   /// One of which nothing is known: it is not here, or its turn did not come.

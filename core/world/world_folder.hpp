@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A world on disk: a folder with its record, pages and tiles, each under the name of its content. What several worlds share lies there once.
+// A world on disk: a folder with its record, pages and tiles, each under the name of its content.
+// What several worlds share lies there once.
 
 #include <string>
 
@@ -30,10 +31,11 @@ class WorldFolder {
     return tile_path(folder_, tile);
   }
   [[nodiscard]] Result<WorldPage> root() const;
-  /// A page as it goes on the wire. Errors: kNotFound; kIo, kCorrupt (other bytes than its name says), naming the file.
+  /// A page as it goes on the wire. Errors: kNotFound; kIo, kCorrupt (other bytes than its name
+  /// says), naming the file.
   [[nodiscard]] Result<std::vector<std::uint8_t>> page_bytes(const ContentHash& page) const;
-  /// The page of an entry, which stands in a page of the level above. Errors: kIo, kCorrupt (other bytes than its name says,
-  /// no page, or another than the entry announces), naming the file.
+  /// The page of an entry, which stands in a page of the level above. Errors: kIo, kCorrupt (other
+  /// bytes than its name says, no page, or another than the entry announces), naming the file.
   [[nodiscard]] Result<WorldPage> page(const WorldEntry& entry, int level) const;
 
  private:
@@ -47,7 +49,8 @@ class WorldFolder {
 /// What a world is called where nobody says: as its folder, of "data/valley/" "valley".
 [[nodiscard]] std::string name_of_folder(const std::string& folder);
 
-/// Makes the folder where there is none; pages that are there stay, and the record is replaced last. Errors: kIo, kConflict, naming the file.
+/// Makes the folder where there is none; pages that are there stay, and the record is replaced
+/// last. Errors: kIo, kConflict, naming the file.
 [[nodiscard]] Status write_world(const WorldPages& pages, const std::string& folder);
 
 }  // namespace nearmesh

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why tiles answer as one mesh would: a ray is put on the lattice of the world once, for all tiles, and a tile's faces are posed on that lattice to the same
-// points as the world's (near_tiles.cpp). Which tiles a ray may meet is told by boxes, grown as those of a tree are (core/query/ray_walk.cpp).
+// Why tiles answer as one mesh would: a ray is put on the lattice of the world once, for all tiles,
+// and a tile's faces are posed on that lattice to the same points as the world's (near_tiles.cpp).
+// Which tiles a ray may meet is told by boxes, grown as those of a tree are
+// (core/query/ray_walk.cpp).
 #include "nearmesh/core/world/world_probe.hpp"
 
 #include <algorithm>
@@ -55,7 +57,8 @@ struct WorldProbe::Impl {
   std::map<ContentHash, decltype(tiles)::iterator> by_content;
 
   Result<const WorldPage*> page(const WorldEntry& entry, int level) {
-    // Another walk may have come to it by another entry, not all of which need be true: whatever is announced is checked.
+    // Another walk may have come to it by another entry, not all of which need be true: whatever is
+    // announced is checked.
     if (const auto at = pages.find(entry.content); at != pages.end()) {
       NEARMESH_RETURN_IF_ERROR(check_page(at->second, entry, level));
       return &at->second;
@@ -104,7 +107,8 @@ struct WorldProbe::Impl {
     by_content[content] = tiles.begin();
     return &tiles.front().second;
   }
-  /// A tile that could not be read to the end is forgotten, also where memory ran out: mesh and tree may have parted.
+  /// A tile that could not be read to the end is forgotten, also where memory ran out: mesh and
+  /// tree may have parted.
   Status split(Tile& tile, const std::vector<NodeSpan>& missing) {
     Status status;
     try {

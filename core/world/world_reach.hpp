@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which boxes of a world's pages a probe may meet: grown as those of a tree are (core/query/ray_walk.cpp).
+// Which boxes of a world's pages a probe may meet: grown as those of a tree are
+// (core/query/ray_walk.cpp).
 
 #include <algorithm>
 #include <array>
@@ -70,7 +71,8 @@ class SeenRay {
           std::floor(std::clamp(std::ldexp(point_m[k], -frame.lattice_exp), -0x1p60, 0x1p60)));
     const std::array<double, 3> seen = view.point(at);
     for (std::size_t k = 0; k < 3; ++k) {
-      // A lattice cell for the floor, a cell of the grid for a box's rounded extents, and what doubles lose far away.
+      // A lattice cell for the floor, a cell of the grid for a box's rounded extents, and what
+      // doubles lose far away.
       const double room = 4 + view.margin[k] + around + std::abs(seen[k]) * 0x1p-40;
       reach.lo[k] = std::min(reach.lo[k], seen[k] - room);
       reach.hi[k] = std::max(reach.hi[k], seen[k] + room);
@@ -94,7 +96,8 @@ class SeenRay {
         corners[corner][k] += box.pose.rotation[3 * k + axis] *
                               ((corner >> axis & 1U) != 0 ? box.half_m[axis] : -box.half_m[axis]);
     }
-  // Its half extents are rounded to cells of the grid, or coarser ones where it is very large: that is below 2^-28 of its size.
+  // Its half extents are rounded to cells of the grid, or coarser ones where it is very large: that
+  // is below 2^-28 of its size.
   const double most_m = std::max({box.half_m[0], box.half_m[1], box.half_m[2]});
   return reach_of(view, frame, corners, most_m * 0x1p-26);
 }

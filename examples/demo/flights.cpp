@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the demo's flights: two aircraft over the generated terrain, each with clear frames, near misses and touching
-// frames, meeting each other once in the middle. Knows nothing but the terrain's generator.
+// Writes the demo's flights: two aircraft over the generated terrain, each with clear frames, near
+// misses and touching frames, meeting each other once in the middle. Knows nothing but the
+// terrain's generator.
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -47,7 +48,8 @@ class Ground {
   double origin_ = 0, step_ = 1;
 };
 
-// Height over the ground's top by frame: clear, near miss, up to the meeting, near miss, touching, away.
+// Height over the ground's top by frame: clear, near miss, up to the meeting, near miss, touching,
+// away.
 double clearance_m(int frame, int frames) {
   struct Key {
     double at, height;
@@ -64,8 +66,9 @@ double clearance_m(int frame, int frames) {
   return kKeys[std::size(kKeys) - 1].height;
 }
 
-// Both fly along x through the middle of the terrain, in opposite directions; the altitude that both use near the
-// meeting is the same, so that they touch there. Every second round goes back the same way.
+// Both fly along x through the middle of the terrain, in opposite directions; the altitude that
+// both use near the meeting is the same, so that they touch there. Every second round goes back the
+// same way.
 bool write_flight(const std::string& path, const Ground& ground, int frames, int rounds,
                   double rate_hz, double direction) {
   constexpr double kSpeedMps = 160;

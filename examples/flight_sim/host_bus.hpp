@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The simulator's own DDS: a participant from its own profiles, a writer of the own aircraft and a reader, with a
-// listener, of everybody's.
+// The simulator's own DDS: a participant from its own profiles, a writer of the own aircraft and a
+// reader, with a listener, of everybody's.
 
 #include <atomic>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
@@ -19,7 +19,8 @@ namespace flight_sim {
 
 class HostBus {
  public:
-  /// With the identity in folder `security`, unless that is "". Null where the profiles, the identity or Fast DDS refuse; `why` says so.
+  /// With the identity in folder `security`, unless that is "". Null where the profiles, the
+  /// identity or Fast DDS refuse; `why` says so.
   [[nodiscard]] static std::unique_ptr<HostBus> join(const std::string& profiles_file,
                                                      const std::string& profile,
                                                      std::uint32_t domain,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A fixed-step flight simulator with a DDS of its own that asks nearmesh whether its aircraft touch the terrain or those
-// of other simulators. What it takes to add nearmesh stands between the marks; the rest was there before.
+// A fixed-step flight simulator with a DDS of its own that asks nearmesh whether its aircraft touch
+// the terrain or those of other simulators. What it takes to add nearmesh stands between the marks;
+// the rest was there before.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -36,11 +37,12 @@ struct Summary {
   std::vector<double> step_ms, nearmesh_ms;
 };
 
-// ---- nearmesh: begin -----------------------------------------------------------------------------------------------
+// ---- nearmesh: begin ----------------------------------------------------------------------------
 
 namespace nm = nearmesh::subscriber;
 
-/// The exercise's clock, which all simulators share: here that of their machines, which are set alike.
+/// The exercise's clock, which all simulators share: here that of their machines, which are set
+/// alike.
 double exercise_time_s() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
@@ -91,7 +93,8 @@ std::vector<nm::Session::OwnMotion> motions_of(const Peer& peer,
   return motions;
 }
 
-/// What an answer means for the pair's own aircraft, B or else A; `before` is where it was a step ago.
+/// What an answer means for the pair's own aircraft, B or else A; `before` is where it was a step
+/// ago.
 void use_answer(const nm::PairAnswer& pair, bool is_b, Policy policy, Aircraft& own,
                 const Aircraft& before, Summary& summary) {
   if (pair.contacts) {  // certified, or a part of it: what touches does touch
@@ -110,7 +113,7 @@ void use_answer(const nm::PairAnswer& pair, bool is_b, Policy policy, Aircraft& 
   }
 }
 
-// ---- nearmesh: end -------------------------------------------------------------------------------------------------
+// ---- nearmesh: end ------------------------------------------------------------------------------
 
 double percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;

@@ -60,7 +60,8 @@ Matrix attitude_of(double roll_deg, double pitch_deg, double heading_deg) {
   const double r = roll_deg * kDegree, p = pitch_deg * kDegree, h = heading_deg * kDegree;
   const double sr = std::sin(r), cr = std::cos(r), sp = std::sin(p), cp = std::cos(p),
                sh = std::sin(h), ch = std::cos(h);
-  // Turned by the heading about down, then the pitch about the right wing, then the roll about the nose.
+  // Turned by the heading about down, then the pitch about the right wing, then the roll about the
+  // nose.
   return {cp * ch,
           -(sr * sp * ch - cr * sh),
           -(cr * sp * ch + sr * sh),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Places on the WGS 84 ellipsoid, and a scene's own frame: x east, y north, z up in the plane that touches the ellipsoid at its
-// origin, as `nearmesh-model build --crs enu:LAT,LON` has it. Metres.
+// Places on the WGS 84 ellipsoid, and a scene's own frame: x east, y north, z up in the plane that
+// touches the ellipsoid at its origin, as `nearmesh-model build --crs enu:LAT,LON` has it. Metres.
 
 #include <array>
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// FlightGear's generic protocol over UDP on this machine, with the files in Protocol/: lines of fields with tabs between them.
+// FlightGear's generic protocol over UDP on this machine, with the files in Protocol/: lines of
+// fields with tabs between them.
 
 #include <array>
 #include <cstdint>
@@ -30,7 +31,8 @@ struct ShownAnswer {
   double clearance_m = 0, depth_m = 0;
 };
 
-/// Ports: states come to `first_port`; answers go to the next one, places to the one after, lines for the pilot to the fourth.
+/// Ports: states come to `first_port`; answers go to the next one, places to the one after, lines
+/// for the pilot to the fourth.
 class Link {
  public:
   /// Null where the port cannot be had; `why` says so.

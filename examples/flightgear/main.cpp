@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// FlightGear as a peer: its aircraft, told by its own generic protocol, over nearmesh's terrain. What nearmesh answers is shown in
-// FlightGear, and where it is told to, the aircraft is put where it may be. See README.md in this folder.
+// FlightGear as a peer: its aircraft, told by its own generic protocol, over nearmesh's terrain.
+// What nearmesh answers is shown in FlightGear, and where it is told to, the aircraft is put where
+// it may be. See README.md in this folder.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -38,8 +39,8 @@ struct Options {
 constexpr double kFrame_s = 0.1;     ///< a frame without a line from FlightGear
 constexpr double kBudget_s = 0.01;   ///< of an update
 constexpr double kMaxPoseAge_s = 1;  ///< without a line so long nothing is certified
-constexpr double kSkin_m =
-    0.05;  ///< beyond the certified way out, since a place is rounded on its way
+/// Beyond the certified way out, since a place is rounded on its way.
+constexpr double kSkin_m = 0.05;
 constexpr double kMostTurnStep_s = 0.5;
 constexpr double kHardlyMoves_mps = 1e-9;
 constexpr double kSayStep_s = 1;  ///< between two lines for the pilot

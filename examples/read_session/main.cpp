@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads a recorded session in your own code: of each pair of bodies, when it first touched and how near it came before.
+// Reads a recorded session in your own code: of each pair of bodies, when it first touched and how
+// near it came before.
 //   nearmesh-example-read-session session.db3        see README.md in this folder
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes what examples/world flies: heights that go on without a seam when they are laid side by side, and for each peer a scene
-// with its bodies and their trajectories.
+// Writes what examples/world flies: heights that go on without a seam when they are laid side by
+// side, and for each peer a scene with its bodies and their trajectories.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -23,8 +23,8 @@ struct Hills {
 };
 constexpr std::array<Hills, 3> kHills{{{200, 14'140, 14'140}, {60, 1'768, 2'828}, {8, 232, 267}}};
 
-/// Heights that go on without a seam when they are laid side by side: hills of several lengths, of which whole numbers fit. No part of the grid is like
-/// another.
+/// Heights that go on without a seam when they are laid side by side: hills of several lengths, of
+/// which whole numbers fit. No part of the grid is like another.
 class Ground {
  public:
   explicit Ground(int cells) : cells_(cells) {
@@ -89,8 +89,9 @@ struct Plan {
 
 enum class Flight : std::uint8_t { kHigh, kLow, kLowAndTouching };
 
-/// Every body has a square of the world for itself. Those that fly low follow the ground; some touch it for a while. Out: how fast it goes at most, metres
-/// a second; none where it cannot be written.
+/// Every body has a square of the world for itself. Those that fly low follow the ground; some
+/// touch it for a while. Out: how fast it goes at most, metres a second; none where it cannot be
+/// written.
 std::optional<double> write_flight(const std::filesystem::path& path, const Ground& ground,
                                    const Plan& plan, int body, Flight flight) {
   constexpr double kSpeed_mps = 150, kAround_m = 20;
@@ -138,7 +139,8 @@ bool write_peer(const std::filesystem::path& folder, const Ground& ground, const
                                                    : Flight::kLow;
     const auto most_mps = write_flight(flights / (its + ".csv"), ground, plan, body, flight);
     if (!most_mps) return false;
-    // Where hills are short, who follows them is fast: a scene whose bodies go faster than it says is refused.
+    // Where hills are short, who follows them is fast: a scene whose bodies go faster than it says
+    // is refused.
     bodies += "  - {name: " + its + ", model: aircraft, max_speed_mps: " +
               std::to_string(std::max(300.0, std::ceil(*most_mps))) + "}\n";
     moves += "  - {body: " + its + ", trajectory: " + name + "/" + its + ".csv}\n";

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Which peer moves which body. For the rooms named dds alone.
-// The first writer of a body's poses keeps the body: poses of others are dropped. On an open bus until that writer is gone; on
-// a secured one beyond that, and for all programs of its identity: Fast DDS lets nobody join whose participant does not carry 47
-// bits of the hash of the certificate's subject in front (OMG DDS Security 1.1, 9.3.3; PKIDH::process_handshake_request). Names of bodies
-// that are gone are kept there as long as there is room: else the bodies of weeks would fill it, and those that are there would be ignored.
+// The first writer of a body's poses keeps the body: poses of others are dropped. On an open bus
+// until that writer is gone; on a secured one beyond that, and for all programs of its identity:
+// Fast DDS lets nobody join whose participant does not carry 47 bits of the hash of the
+// certificate's subject in front (OMG DDS Security 1.1, 9.3.3; PKIDH::process_handshake_request).
+// Names of bodies that are gone are kept there as long as there is room: else the bodies of weeks
+// would fill it, and those that are there would be ignored.
 
 #include <array>
 #include <cstdint>
@@ -33,8 +35,9 @@ class BodyBook {
   explicit BodyBook(bool authenticated) : authenticated_(authenticated) {}
 
   [[nodiscard]] Claim claim(const std::string& body, const Handle& writer);
-  /// The writer moves the body no more. On a secured bus the name stays its owner's until room is needed, for the owner's own bodies or, where
-  /// all is full, for anybody's: then who was released longest ago is forgotten.
+  /// The writer moves the body no more. On a secured bus the name stays its owner's until room is
+  /// needed, for the owner's own bodies or, where all is full, for anybody's: then who was released
+  /// longest ago is forgotten.
   void release(const std::string& body, const Handle& writer);
   /// The writer is gone: on a secured bus release() its bodies instead.
   void forget(const Handle& writer);

@@ -22,8 +22,9 @@ namespace nearmesh::wire {
 template <class Message>
 struct Generated;
 
-/// encode(). Out: every field of `sample` is set. The message should have passed check(): nothing is cut or refused here.
-/// decode(). Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies outside its limits.
+/// encode(). Out: every field of `sample` is set. The message should have passed check(): nothing
+/// is cut or refused here. decode(). Errors: kUnsupported for another wire version;
+/// kInvalidArgument naming the field that lies outside its limits.
 #define NEARMESH_CODEC(Message, SampleName)                            \
   template <>                                                          \
   struct Generated<Message> {                                          \

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the codecs share: lists of words and lines of text, as samples carry them. For codec_*.cpp alone.
+// What the codecs share: lists of words and lines of text, as samples carry them. For codec_*.cpp
+// alone.
 
 #include <cstddef>
 #include <cstdint>

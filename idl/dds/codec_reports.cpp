@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Of codec.hpp: what peers tell whoever records, of answers, of what they watch, and of what is free by bounds.
+// Of codec.hpp: what peers tell whoever records, of answers, of what they watch, and of what is
+// free by bounds.
 #include <algorithm>
 #include <limits>
 #include <optional>

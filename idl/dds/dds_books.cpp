@@ -57,8 +57,8 @@ std::vector<SessionId> SessionBook::clear() {
 // --- HelloMemory
 
 void HelloMemory::heard(const Hello& hello, const Handle& writer) {
-  // Of a writer that is found again it may be read before the match, and be taken for one from before the loss where the clock
-  // was set back meanwhile: it then counts with the match.
+  // Of a writer that is found again it may be read before the match, and be taken for one from
+  // before the loss where the clock was set back meanwhile: it then counts with the match.
   bool gone = false;
   std::erase_if(known_, [&](const Known& known) {
     if (known.writer != writer) return false;

@@ -290,7 +290,8 @@ class DiscoveryListener : public FindingListener {
       say(std::move(*line));
   }
 
-  /// A writer must offer at least what readers request; ours all offer and request what their topic has.
+  /// A writer must offer at least what readers request; ours all offer and request what their topic
+  /// has.
   void judge_qos(const FoundEndpoint& found, bool is_writer) {
     const std::optional<TopicPlace> place = names_.find(found.topic);
     if (!place) return;
@@ -312,8 +313,9 @@ class DiscoveryListener : public FindingListener {
                durability_name(durability_of(delivery))));
   }
 
-  /// Each line once: every endpoint of another version would say the same. Where too many were said all may be said again: in weeks there are
-  /// as many of programs that are gone, and who comes then shall not be refused in silence.
+  /// Each line once: every endpoint of another version would say the same. Where too many were said
+  /// all may be said again: in weeks there are as many of programs that are gone, and who comes
+  /// then shall not be refused in silence.
   void say(std::string line) {
     {
       const std::lock_guard lock(mutex_);
@@ -458,7 +460,8 @@ void Bus::add_routes() {
 }
 
 Result<fdds::ContentFilteredTopic*> Bus::add_routed(fdds::Topic* topic) {
-  // Of readers whose filters have one name and expression, wherever they are, a writer tells one result: that of whom it asked first.
+  // Of readers whose filters have one name and expression, wherever they are, a writer tells one
+  // result: that of whom it asked first.
   std::ostringstream participant;
   participant << participant_->guid().guidPrefix;
   const std::string name = topic->get_name() + "#" + participant.str();
@@ -482,7 +485,8 @@ Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSup
   fdds::Topic*& topic = topics_[name];
   if (topic == nullptr) {
     NEARMESH_RETURN_IF_ERROR(add_type(type, is_ours));
-    // find_topic counts its users, so every session deletes what it got and the last one removes the topic.
+    // find_topic counts its users, so every session deletes what it got and the last one removes
+    // the topic.
     topic = participant_->find_topic(name, Duration(0, 0));
     if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
     if (topic == nullptr) topic = participant_->find_topic(name, Duration(0, 0));
@@ -517,8 +521,8 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
     qos.publish_mode() = {};
     qos.publish_mode().kind = fdds::SYNCHRONOUS_PUBLISH_MODE;
   }
-  fdds::PublisherQos
-      publisher_qos;  // not the participant's default, which the host may have changed
+  // Not the participant's default, which the host may have changed.
+  fdds::PublisherQos publisher_qos;
   if (!partition.empty()) publisher_qos.partition().push_back(partition.c_str());
   fdds::Publisher* publisher =
       participant_->create_publisher(publisher_qos, nullptr, fdds::StatusMask::none());

@@ -44,7 +44,8 @@ class DoorWatch;
 using Timestamp = rtps::Time_t;
 using Microseconds = std::int64_t;
 
-/// Of a thread of ours, which nothing may leave: what `step` says; kIo where there is no memory for it.
+/// Of a thread of ours, which nothing may leave: what `step` says; kIo where there is no memory for
+/// it.
 template <class Step>
 [[nodiscard]] Status or_no_memory(Step step) {
   try {
@@ -60,8 +61,8 @@ template <class Step>
 
 /// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
 /// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
-/// A writer whose participant falls silent has gone, long before its lease is over, and is found again with the next life sign:
-/// discovery forgets nobody meanwhile, so that nothing is told anew.
+/// A writer whose participant falls silent has gone, long before its lease is over, and is found
+/// again with the next life sign: discovery forgets nobody meanwhile, so that nothing is told anew.
 class ReaderListener : public fdds::SubscriberListener {
  public:
   explicit ReaderListener(Mailbox& mailbox) : mailbox_(mailbox) {}
@@ -153,9 +154,9 @@ class SessionBook {
   std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
 };
 
-/// What each writer of hellos said last. A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent
-/// it again when the same writer is found again, as after a link was down: what that said last still holds, unless it says
-/// something else. Threads: one.
+/// What each writer of hellos said last. A reader of Fast DDS remembers what it had of a writer
+/// that its lease took, and is not sent it again when the same writer is found again, as after a
+/// link was down: what that said last still holds, unless it says something else. Threads: one.
 class HelloMemory {
  public:
   void heard(const Hello& hello, const Handle& writer);
@@ -173,8 +174,8 @@ class HelloMemory {
   std::deque<Known> known_;  ///< oldest first
 };
 
-/// Notices writers that were matched, but of which nothing comes: discovery gets through, their data does not. Times are of
-/// any steady clock. Threads: one.
+/// Notices writers that were matched, but of which nothing comes: discovery gets through, their
+/// data does not. Times are of any steady clock. Threads: one.
 class SilenceWatch {
  public:
   explicit SilenceWatch(double patience_s) : patience_s_(patience_s) {}
@@ -202,23 +203,24 @@ struct BusOptions {
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
   std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
-  /// All bodies that the host will ever name, where it knows them: of an own participant others' doors are told (told_bodies.hpp). More
-  /// than kMaxToldBodies are not told.
+  /// All bodies that the host will ever name, where it knows them: of an own participant others'
+  /// doors are told (told_bodies.hpp). More than kMaxToldBodies are not told.
   std::optional<BodyNames> bodies;
   struct Found {
     Handle endpoint;
     std::string topic, partition;  ///< "" for none
     bool gone = false;
   };
-  /// Told of every writer elsewhere that is found, before any of its samples comes, or goes; not with a host's participant.
-  /// Called by threads of Fast DDS.
+  /// Told of every writer elsewhere that is found, before any of its samples comes, or goes; not
+  /// with a host's participant. Called by threads of Fast DDS.
   std::function<void(const Found& found)> on_writer;
   /// The same of readers.
   std::function<void(const Found& found)> on_reader;
 };
 
-/// To be called before a writer is deleted. Fast DDS before 2.13 resets the samples of a writer that it deletes while a heartbeat
-/// may look for gaps between them, and then neither thread ever ends (its pull request 4076).
+/// To be called before a writer is deleted. Fast DDS before 2.13 resets the samples of a writer
+/// that it deletes while a heartbeat may look for gaps between them, and then neither thread ever
+/// ends (its pull request 4076).
 void drop_samples(fdds::DataWriter& writer);
 
 class DiscoveryListener;
@@ -235,8 +237,9 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// A Subscriber or Publisher of its own in the partition ("" for none) with one endpoint of the message's topic: name, type
-  /// and QoS are those of the table. Errors: kConflict when the host has another type or topic under the name; kIo.
+  /// A Subscriber or Publisher of its own in the partition ("" for none) with one endpoint of the
+  /// message's topic: name, type and QoS are those of the table. Errors: kConflict when the host
+  /// has another type or topic under the name; kIo.
   template <class Message, class Type = TypeOf<Message>>
   [[nodiscard]] Result<fdds::DataReader*> reader(ReaderListener& listener,
                                                  const std::string& partition = "",
@@ -267,8 +270,8 @@ class Bus {
   void tell_moved(const fdds::DataWriter& writer, const std::vector<std::string>& bodies);
   /// Of the participant; nullptr: a host's, without one.
   [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
-  /// Whether a writer or reader of another participant was ever found, since this was opened: one that only announces itself may not be
-  /// within reach. True of a host's participant. Any thread.
+  /// Whether a writer or reader of another participant was ever found, since this was opened: one
+  /// that only announces itself may not be within reach. True of a host's participant. Any thread.
   [[nodiscard]] bool has_found_others() const;
 
  private:
@@ -328,8 +331,9 @@ void tell_of_process(const TransportOptions& options, const DoorWatch* door, Pro
 
 enum class WriteResult { kTaken, kFull, kFailed };
 
-/// Tries again for two seconds while `write` finds no room; Fast DDS 2.9 also says so without need. Out: it was taken. Waiting may
-/// take a wake-up that was meant for others, so the mailbox is woken again.
+/// Tries again for two seconds while `write` finds no room; Fast DDS 2.9 also says so without need.
+/// Out: it was taken. Waiting may take a wake-up that was meant for others, so the mailbox is woken
+/// again.
 template <class Write>
 [[nodiscard]] bool write_patiently(const std::string& topic, Mailbox& mailbox, Write write) {
   constexpr std::chrono::seconds kDeadline{2};
@@ -344,7 +348,8 @@ template <class Write>
   return result == WriteResult::kTaken;
 }
 
-/// A topic's writer with its listener. Make it before the bus that opens it, and let it outlive that. Threads: one.
+/// A topic's writer with its listener. Make it before the bus that opens it, and let it outlive
+/// that. Threads: one.
 template <class Message>
 class Writer {
  public:
@@ -373,8 +378,8 @@ class Writer {
     encode(message, data);
     return write_sample(data);
   }
-  /// kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and should be tried
-  /// again. kFailed leaves a complaint.
+  /// kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not
+  /// sent and should be tried again. kFailed leaves a complaint.
   [[nodiscard]] WriteResult write_sample(Data& data) {
     const ReturnCode code = writer_->write(sample_of(data), rtps::c_InstanceHandle_Unknown);
     if (is_ok(code)) return WriteResult::kTaken;
@@ -421,7 +426,8 @@ class Reader {
   }
 
   /// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
-  /// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true when there may be more.
+  /// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true
+  /// when there may be more.
   template <class Accept>
   [[nodiscard]] bool drain(std::size_t most, Accept accept,
                            const std::function<void(const Handle&)>& heard = {}) {
@@ -451,8 +457,9 @@ class Reader {
     }
     return true;
   }
-  /// In accept(): so many samples of this writer, between the one before and this one, never came, or were displaced before they were
-  /// taken. Where a writer chooses who gets what, also those that were not for this reader.
+  /// In accept(): so many samples of this writer, between the one before and this one, never came,
+  /// or were displaced before they were taken. Where a writer chooses who gets what, also those
+  /// that were not for this reader.
   [[nodiscard]] std::uint64_t missed() const { return missed_; }
 
  private:

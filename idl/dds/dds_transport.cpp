@@ -134,7 +134,8 @@ Status set_tcp(const TransportOptions& options, const std::string& interface,
 }
 
 Status set_discovery_server(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  // A server of Fast DDS 2.9 does not hand on what secured programs tell of their endpoints; its 2.10 does.
+  // A server of Fast DDS 2.9 does not hand on what secured programs tell of their endpoints; its
+  // 2.10 does.
   if (!options.security.empty())
     return {StatusCode::kInvalidArgument,
             "discovery server: secured programs do not find each other through one; expected "
@@ -162,14 +163,16 @@ Result<std::vector<sockaddr_in>> tcp_peers(const TransportOptions& options) {
 }
 
 Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  // Not the built-in ones: shared memory leaves files in /dev/shm when a process is killed, fails between users,
-  // takes 10 MB a participant, and is not faster for samples of our size. Who wants it says same-host.
+  // Not the built-in ones: shared memory leaves files in /dev/shm when a process is killed, fails
+  // between users, takes 10 MB a participant, and is not faster for samples of our size. Who wants
+  // it says same-host.
   qos.transport().use_builtin_transports = false;
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration(options.lease_s);
   discovery.leaseDuration_announcementperiod = Duration(options.announcement_s);
   qos.wire_protocol().builtin.mutation_tries = kPlacesPerDomain - 1;
-  // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
+  // Liveliness is by participant, at the door; this would only be two more endpoints for everybody
+  // to match.
   qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
                               ? kLoopback

@@ -17,7 +17,8 @@ namespace nearmesh::wire {
 /// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
 /// lost fragment costs the whole datagram.
 inline constexpr std::uint32_t kMaxDatagramBytes = 1400;
-/// With security the kernel cuts a handshake, and also a full batch (1,535 bytes with its protection).
+/// With security the kernel cuts a handshake, and also a full batch (1,535 bytes with its
+/// protection).
 [[nodiscard]] inline std::uint32_t datagram_bytes(const TransportOptions& options) {
   return options.security.empty() ? kMaxDatagramBytes : kSecuredDatagramBytes;
 }

@@ -2,10 +2,12 @@
 #pragma once
 // What a participant need not say again of itself and its endpoints. No Fast DDS, no clock.
 //
-// Fast DDS 2.9 announces a participant to everybody, known or not, twice each time that it hears of somebody new: n that start at once
-// send some n^3 announcements. A reader that has just met a writer asks fourteen times a second whether that is there, and while one
-// participant has yet to confirm what it was told of endpoints all are reminded. On a busy machine answers are late, so that alone
-// keeps it busy. Nor does a busy machine hear sooner for being reminded: what it lacks is on its way, and each reminder has it ask again.
+// Fast DDS 2.9 announces a participant to everybody, known or not, twice each time that it hears of
+// somebody new: n that start at once send some n^3 announcements. A reader that has just met a
+// writer asks fourteen times a second whether that is there, and while one participant has yet to
+// confirm what it was told of endpoints all are reminded. On a busy machine answers are late, so
+// that alone keeps it busy. Nor does a busy machine hear sooner for being reminded: what it lacks
+// is on its way, and each reminder has it ask again.
 
 #include <array>
 #include <cstdint>
@@ -18,7 +20,8 @@
 
 namespace nearmesh::wire {
 
-/// A message that is all of its datagram, and that Fast DDS says again by itself until it is answered.
+/// A message that is all of its datagram, and that Fast DDS says again by itself until it is
+/// answered.
 struct DiscoveryWord {
   enum class Kind : std::uint8_t {
     kAnnouncement,  ///< of the participant
@@ -32,13 +35,16 @@ struct DiscoveryWord {
 /// Nothing: the message is another, or more than that.
 [[nodiscard]] std::optional<DiscoveryWord> discovery_word(std::span<const std::uint8_t> message);
 
-/// * **What was said goes again** after kFirst_s, twice that and so on up to kLast_s, an announcement up to its period: what is asked
-///   for meanwhile is left out, so that nothing is held back but what was said a moment ago.
-/// * **Calls to everybody**, by multicast, are for who is new and was not heard himself: they go again up to kCalled_s later. Whoever was
-///   heard of has the announcement in each period by unicast anyway.
-/// * **Reminders of what was confirmed** go once in kConfirmed_s: what was confirmed in another's name is made good then.
-/// * **Who is new**, or has forgotten what it had, is told at once. Who asks is told what it asks for; the reminders that follow keep
-///   their pace.
+/// * **What was said goes again** after kFirst_s, twice that and so on up to kLast_s, an
+///   announcement up to its period: what is asked for meanwhile is left out, so that nothing is
+///   held back but what was said a moment ago.
+/// * **Calls to everybody**, by multicast, are for who is new and was not heard himself: they go
+///   again up to kCalled_s later. Whoever was heard of has the announcement in each period by
+///   unicast anyway.
+/// * **Reminders of what was confirmed** go once in kConfirmed_s: what was confirmed in another's
+///   name is made good then.
+/// * **Who is new**, or has forgotten what it had, is told at once. Who asks is told what it asks
+///   for; the reminders that follow keep their pace.
 /// Only words to the places of participants that were heard of are paced, and announcements.
 /// Threads: one at a time.
 class DiscoveryPace {

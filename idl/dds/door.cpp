@@ -23,8 +23,8 @@ using rtps::Locator_t;
 using rtps::octet;
 using Descriptor = rtps::TransportDescriptorInterface;
 
-/// The lease that Fast DDS is told: its own timers shall not end any. Its timer may meet the removal of the participant for
-/// another reason, and then an assertion ends the process.
+/// The lease that Fast DDS is told: its own timers shall not end any. Its timer may meet the
+/// removal of the participant for another reason, and then an assertion ends the process.
 constexpr std::uint32_t kForever_s = 365U * 24 * 3600;
 
 constexpr std::uint32_t kLargestDatagramBytes = 65535;
@@ -35,7 +35,8 @@ struct Below final : rtps::ChainingTransportDescriptor {
   [[nodiscard]] rtps::TransportInterface* create_transport() const override { return nullptr; }
 };
 
-/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without statistics, and paced.
+/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without
+/// statistics, and paced.
 class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
@@ -48,7 +49,8 @@ class Door final : public ChainedTransport, private LeaseEnd {
     return is_udp(locator.kind) ? outgoing_.open(*low_level_transport_, senders, locator)
                                 : low_level_transport_->OpenOutputChannel(senders, locator);
   }
-  /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
+  /// A datagram that was cut to the size of our own would be refused, and its first part was all
+  /// that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
     if (!is_udp(locator.kind))
@@ -223,7 +225,8 @@ struct HasDoor {
   ~HasDoor() = default;
 };
 
-/// A descriptor of the same kind, since Fast DDS asks what kind it is, whose transports have a door.
+/// A descriptor of the same kind, since Fast DDS asks what kind it is, whose transports have a
+/// door.
 template <class Below>
 struct DoorDescriptor final : Below, HasDoor {
   DoorDescriptor(const Below& below, std::shared_ptr<DoorWatch> shared)

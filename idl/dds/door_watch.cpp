@@ -16,7 +16,8 @@ namespace {
 
 constexpr double kTick_s = 0.25;
 constexpr int kTicksASecond = 4;
-/// More between two ticks means that this process, or the whole machine, stood still: others did not fall silent meanwhile.
+/// More between two ticks means that this process, or the whole machine, stood still: others did
+/// not fall silent meanwhile.
 constexpr double kLongestTick_s = 2 * kTick_s;
 
 /// What a participant says that leaves (DDSI-RTPS 2.3, 8.5.3 and 9.6.3.9): it disposes of itself.
@@ -80,7 +81,8 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   return verdict;
 }
 
-/// A stranger that moves nothing, or to one that moves nothing, has no clock to tell. May throw std::bad_alloc.
+/// A stranger that moves nothing, or to one that moves nothing, has no clock to tell. May throw
+/// std::bad_alloc.
 bool DoorWatch::keeps_out(const RtpsVerdict& newcomer) {
   if (!rules_.bodies || newcomer.announcement->leaves) return false;
   const std::optional<ToldBodies> told = told_bodies_in(newcomer.announcement->user);
@@ -122,8 +124,9 @@ std::array<std::uint64_t, kDoorRefusals> DoorWatch::refused() const {
   return counts;
 }
 
-/// Whose certificate is not of this authority is left to Fast DDS, which refuses it too. A participant keeps the certificate
-/// that it came with: with another one, say that of the same name's rightful owner, it could stay when its own is revoked.
+/// Whose certificate is not of this authority is left to Fast DDS, which refuses it too. A
+/// participant keeps the certificate that it came with: with another one, say that of the same
+/// name's rightful owner, it could stay when its own is revoked.
 std::optional<DoorRefusal> DoorWatch::judge_handshake(const RtpsVerdict& message) {
   const std::optional<IdentityFacts> facts = identities_->facts_of(message.certificate);
   if (!facts) return std::nullopt;
@@ -242,7 +245,8 @@ void DoorWatch::say(std::string line) {
   if (mailbox_ != nullptr) mailbox_->complain(std::move(line));
 }
 
-/// Remembered when it is said: what was not, for want of memory or since nobody listens yet, is said the next time.
+/// Remembered when it is said: what was not, for want of memory or since nobody listens yet, is
+/// said the next time.
 void DoorWatch::say_once(Said& said, const std::string& what, std::string line) {
   const std::lock_guard lock(complain_mutex_);
   if (mailbox_ == nullptr || said.use(what) != nullptr) return;

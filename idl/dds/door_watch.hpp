@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the doors of one participant share: who is known, what was refused, and the thread that lets leases end.
+// What the doors of one participant share: who is known, what was refused, and the thread that lets
+// leases end.
 
 #include <array>
 #include <atomic>
@@ -39,7 +40,8 @@ class LeaseEnd {
 
 /// What holds of the participant.
 struct DoorRules {
-  /// Discovery without a server, where each participant speaks for itself alone. Then leases end here.
+  /// Discovery without a server, where each participant speaks for itself alone. Then leases end
+  /// here.
   bool is_plain = false;
   bool by_udp_alone = false;
   double announcement_s = 1;         ///< period of its announcements
@@ -47,9 +49,10 @@ struct DoorRules {
   std::optional<ToldBodies> bodies;  ///< that it tells of, if it does; where it is_plain
 };
 
-/// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads
-/// the revocation list when the participant is made. Here each handshake's certificate is noted, one for each participant, and
-/// looked at again every period: whose is revoked or has expired is barred. Where it is the own one, nobody is heard any more.
+/// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that
+/// once, in the handshake, and reads the revocation list when the participant is made. Here each
+/// handshake's certificate is noted, one for each participant, and looked at again every period:
+/// whose is revoked or has expired is barred. Where it is the own one, nobody is heard any more.
 /// Where there is no memory for what its thread does, that is said, and done a moment later.
 /// Threads: all functions, any thread.
 class DoorWatch {
@@ -61,15 +64,18 @@ class DoorWatch {
   DoorWatch& operator=(const DoorWatch&) = delete;
 
   [[nodiscard]] bool ends_leases() const { return rules_.is_plain; }
-  /// Whether repeats of discovery are left out: by UDP, where each comes by two ways. Beside identities Fast DDS itself waits for
-  /// announcements, to begin handshakes anew; in shared memory one place may be several participants'.
+  /// Whether repeats of discovery are left out: by UDP, where each comes by two ways. Beside
+  /// identities Fast DDS itself waits for announcements, to begin handshakes anew; in shared memory
+  /// one place may be several participants'.
   [[nodiscard]] bool paces() const {
     return rules_.is_plain && rules_.by_udp_alone && identities_ == nullptr;
   }
-  /// Poses that this writer (its entity) tells are of these bodies alone: whoever names none of them needs few (PoseHearers).
+  /// Poses that this writer (its entity) tells are of these bodies alone: whoever names none of
+  /// them needs few (PoseHearers).
   void tell_moved(std::uint32_t writer, const std::vector<std::string>& bodies);
-  /// Takes away places that need not be told now (DiscoveryPace), or of poses (PoseHearers). place_of(place): as RTPS writes it. Where there
-  /// is no memory to remember what was told, all are told.
+  /// Takes away places that need not be told now (DiscoveryPace), or of poses (PoseHearers).
+  /// place_of(place): as RTPS writes it. Where there is no memory to remember what was told, all
+  /// are told.
   template <class Places, class PlaceOf>
   void leave_out(std::span<const std::uint8_t> message, Places& places, PlaceOf place_of) {
     const std::optional<DiscoveryWord> word = discovery_word(message);
@@ -93,12 +99,15 @@ class DoorWatch {
   /// It listens at one more UDP port of its own.
   void note_own_port() { ++own_ports_; }
   [[nodiscard]] int own_ports() const { return own_ports_; }
-  /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
+  /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the
+  /// message is lost, and may come again.
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
-  /// To be held while a message that introduces is handed on. Fast DDS 2.9 fills in one set of proxies, shared by all its threads and
-  /// without a lock, when it matches the endpoints of handshakes and of keys (mended later: eProsima/Fast-DDS pull request 3362).
-  /// Where two participants are heard of in one moment, by multicast and by unicast, one of them is matched twice, the other never.
+  /// To be held while a message that introduces is handed on. Fast DDS 2.9 fills in one set of
+  /// proxies, shared by all its threads and without a lock, when it matches the endpoints of
+  /// handshakes and of keys (mended later: eProsima/Fast-DDS pull request 3362). Where two
+  /// participants are heard of in one moment, by multicast and by unicast, one of them is matched
+  /// twice, the other never.
   [[nodiscard]] std::mutex& introductions() { return introductions_; }
   [[nodiscard]] std::array<std::uint64_t, kDoorRefusals> refused() const;
   /// As ParticipantBook::is_silent.
@@ -112,7 +121,8 @@ class DoorWatch {
 
   void add(LeaseEnd* end);
   void remove(LeaseEnd* end);
-  /// Where it is said what was refused, one line a second at most, whose identity has ended, and want of memory; nullptr: nowhere.
+  /// Where it is said what was refused, one line a second at most, whose identity has ended, and
+  /// want of memory; nullptr: nowhere.
   void set_mailbox(Mailbox* mailbox);
   void complain_of_memory() noexcept;
 
@@ -140,8 +150,8 @@ class DoorWatch {
   double looked_s_ = 0;                      ///< since identities were looked at; the thread's own
   std::vector<ParticipantBook::Gone> gone_;  ///< whose end is not told yet; the thread's own
   mutable std::mutex mutex_;                 ///< of the book and the thread
-  std::unordered_map<ParticipantKey, IdentityFacts, ParticipantKeyHash>
-      certificates_;  ///< that counted when they came
+  /// That counted when they came.
+  std::unordered_map<ParticipantKey, IdentityFacts, ParticipantKeyHash> certificates_;
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;

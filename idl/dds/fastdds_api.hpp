@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Fast DDS 2.9 and 3.1 under one set of names: all that differs between them is here and in cmake/NearmeshIdl.cmake, so no other
-// file asks for a version. For the rooms named dds, and for tests.
+// Fast DDS 2.9 and 3.1 under one set of names: all that differs between them is here and in
+// cmake/NearmeshIdl.cmake, so no other file asks for a version. For the rooms named dds, and for
+// tests.
 
 #if __has_include(<fastdds/rtps/common/Locator.hpp>)
 #define NEARMESH_FASTDDS 3
@@ -87,7 +88,8 @@ using LocatorsIterator = eprosima::fastrtps::rtps::LocatorsIterator;
 inline constexpr const char* kFastDdsVersion = FASTRTPS_VERSION_STR;
 #endif
 
-/// What it tells of its release (RtpsAnnouncement::release). Secured participants of before 3 and of 3 do not find each other.
+/// What it tells of its release (RtpsAnnouncement::release). Secured participants of before 3 and
+/// of 3 do not find each other.
 #if NEARMESH_FASTDDS == 3
 inline constexpr int kToldRelease = 3;
 #else
@@ -119,8 +121,9 @@ using Payload = rtps::SerializedPayload_t;
 
 // --- Addresses
 
-/// Fast DDS 3 lists the machine's addresses once for all participants of a process, and anew only when the settings of one are set:
-/// of a short-lived one here, on loopback in the last domain. 2.9 lists them for each participant.
+/// Fast DDS 3 lists the machine's addresses once for all participants of a process, and anew only
+/// when the settings of one are set: of a short-lived one here, on loopback in the last domain. 2.9
+/// lists them for each participant.
 inline void list_addresses_again() {
 #if NEARMESH_FASTDDS == 3
   constexpr fdds::DomainId_t kLastDomain = 232;
@@ -139,9 +142,9 @@ inline void list_addresses_again() {
 
 // --- QoS
 
-/// Where a participant has a flow controller, Fast DDS 3.1 announces it from another thread, and an assertion ends the process when
-/// newcomers make it do so again before that thread has run (StatelessWriter::unsent_changes_reset). There headers
-/// go out at once.
+/// Where a participant has a flow controller, Fast DDS 3.1 announces it from another thread, and an
+/// assertion ends the process when newcomers make it do so again before that thread has run
+/// (StatelessWriter::unsent_changes_reset). There headers go out at once.
 inline constexpr bool kHasFlowControllers = NEARMESH_FASTDDS == 2;
 
 template <class WriterQos>
@@ -167,8 +170,9 @@ inline void add_discovery_server(fdds::DomainParticipantQos& qos, const rtps::Lo
 #endif
 }
 
-/// What Fast DDS 3 does beyond 2.9 by itself: nobody asks here what types look like, and each who did would be two more writers and
-/// readers for all to match; and names of algorithms in the words of the standard, which 2.9 does not know.
+/// What Fast DDS 3 does beyond 2.9 by itself: nobody asks here what types look like, and each who
+/// did would be two more writers and readers for all to match; and names of algorithms in the words
+/// of the standard, which 2.9 does not know.
 inline void speak_as_2_9(fdds::DomainParticipantQos& qos) {
 #if NEARMESH_FASTDDS == 3
   auto& properties = qos.properties().properties();
@@ -286,13 +290,15 @@ class FindingListener : public fdds::DomainParticipantListener {
 
 // --- Types
 
-/// `Base` is TopicDataType, or generated from IDL. What Fast DDS calls comes out as these functions, which may be called too.
+/// `Base` is TopicDataType, or generated from IDL. What Fast DDS calls comes out as these
+/// functions, which may be called too.
 template <class Base>
 class OfEitherVersion : public Base {
  public:
   [[nodiscard]] virtual void* make_data() = 0;
   virtual void delete_made(void* data) = 0;
-  /// At most so many bytes: Fast CDR 2 also counts what aligns the elements of an empty sequence, and does not write it.
+  /// At most so many bytes: Fast CDR 2 also counts what aligns the elements of an empty sequence,
+  /// and does not write it.
   [[nodiscard]] virtual std::uint32_t size_of(const void* data) = 0;
   [[nodiscard]] virtual bool write(const void* data, Payload& payload) = 0;
   [[nodiscard]] virtual bool read(Payload& payload, void* data) = 0;
@@ -424,8 +430,8 @@ template <class Support>
 
 // --- Transports
 
-/// Bytes at the end of each message that comes through shared memory: room for statistics, which Fast DDS 3.1 leaves in and does not
-/// write. Other transports send what was written alone.
+/// Bytes at the end of each message that comes through shared memory: room for statistics, which
+/// Fast DDS 3.1 leaves in and does not write. Other transports send what was written alone.
 inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 0;
 
 /// Whether locators of that kind are reached by UDP.
@@ -437,14 +443,15 @@ inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 
 class OutgoingFilter {
  public:
   using Places = std::vector<rtps::Locator_t>;
-  /// Takes away places to which the message does not go. Out: how many of its bytes go. Called with the participant's senders locked.
+  /// Takes away places to which the message does not go. Out: how many of its bytes go. Called with
+  /// the participant's senders locked.
   using LeaveOut =
       std::function<std::size_t(std::span<const std::uint8_t> message, Places& places)>;
 
   explicit OutgoingFilter(LeaveOut leave_out) : leave_out_(std::move(leave_out)) {}
 
-  /// In the place of transport.OpenOutputChannel(senders, locator). The transport looks for its own senders in the list that it is
-  /// given, so it has one of its own, behind a sender of ours.
+  /// In the place of transport.OpenOutputChannel(senders, locator). The transport looks for its own
+  /// senders in the list that it is given, so it has one of its own, behind a sender of ours.
   bool open(rtps::TransportInterface& transport, rtps::SendResourceList& senders,
             const rtps::Locator_t& locator) {
     if (!transport.IsLocatorSupported(locator)) return false;
@@ -531,7 +538,8 @@ class OutgoingFilter {
   Sender* sender_ = nullptr;  ///< the participant's, which ends it
 };
 
-/// What is between Fast DDS and a transport, and sees what comes in: receive(). What goes out passes.
+/// What is between Fast DDS and a transport, and sees what comes in: receive(). What goes out
+/// passes.
 class ChainedTransport : public rtps::ChainingTransport {
  public:
   using ChainingTransport::ChainingTransport;
@@ -541,8 +549,8 @@ class ChainedTransport : public rtps::ChainingTransport {
             const std::chrono::steady_clock::time_point& timeout) final {
     return low->send(buffers, bytes, begin, end, timeout);
   }
-  // ChainingTransport leaves these to their defaults, by which no connection of TCP is ever opened. By UDP each place of them is one of
-  // OpenOutputChannel(), which may have a filter.
+  // ChainingTransport leaves these to their defaults, by which no connection of TCP is ever opened.
+  // By UDP each place of them is one of OpenOutputChannel(), which may have a filter.
   bool OpenOutputChannels(rtps::SendResourceList& senders,
                           const rtps::LocatorSelectorEntry& to) final {
     return is_udp(low_level_transport_->kind())

@@ -19,7 +19,8 @@ struct Interface {
 /// In the kernel's order; empty where it does not tell.
 [[nodiscard]] std::vector<Interface> ipv4_interfaces();
 
-/// Whether any process here has a TCP connection to this place; false where the kernel does not tell.
+/// Whether any process here has a TCP connection to this place; false where the kernel does not
+/// tell.
 [[nodiscard]] bool is_connected_to(const sockaddr_in& place);
 
 }  // namespace nearmesh::wire

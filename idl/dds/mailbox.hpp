@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. For the rooms named dds alone.
+// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. For the
+// rooms named dds alone.
 
 #include <atomic>
 #include <chrono>
@@ -24,9 +25,10 @@ class Mailbox {
   void wake();
   /// Blocks until wake() was called since the last return, or the time is over.
   void wait(double seconds);
-  /// Keeps a line until it is taken; what was said a moment ago is not said again, so that whoever sends faults without end
-  /// gives one line, not a log full. More than kMaxComplaints different ones are counted. What is not printable ASCII becomes
-  /// '?', and a line ends after kMaxLine bytes. Also wakes, when there is something to take.
+  /// Keeps a line until it is taken; what was said a moment ago is not said again, so that whoever
+  /// sends faults without end gives one line, not a log full. More than kMaxComplaints different
+  /// ones are counted. What is not printable ASCII becomes '?', and a line ends after kMaxLine
+  /// bytes. Also wakes, when there is something to take.
   void complain(std::string line);
   /// Of a thread of ours that caught std::bad_alloc: keeps a line without asking for memory.
   void complain_of_memory() noexcept { lacked_memory_ = true; }

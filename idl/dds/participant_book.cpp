@@ -60,8 +60,9 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   return std::nullopt;
 }
 
-/// Where the message tells of an endpoint, what was counted of it before was another's: of an earlier message, and of this one too, for a
-/// heartbeat in it may come before the word of who it is of, and is to nobody then.
+/// Where the message tells of an endpoint, what was counted of it before was another's: of an
+/// earlier message, and of this one too, for a heartbeat in it may come before the word of who it
+/// is of, and is to nobody then.
 void ParticipantBook::hold_back(RtpsVerdict& message) {
   const auto at = known_.find(message.source);
   Known* const known = at != known_.end() ? &at->second : nullptr;
@@ -90,7 +91,8 @@ bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const
       std::find(known.ports.begin(), known.ports.end(), from.port) != known.ports.end())
     return true;
   if (now_s_ - known.last_s > kMoved_s) known.ports.clear();
-  // One that moved, or was first heard through another transport, has yet to be learnt: it may have several.
+  // One that moved, or was first heard through another transport, has yet to be learnt: it may have
+  // several.
   if (known.ports.empty())
     known.first_s = now_s_;
   else if (now_s_ - known.first_s > kLearning_s || known.ports.size() >= kMaxPorts)

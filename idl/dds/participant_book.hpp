@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Who speaks on the bus: from where, when last, and whether a newcomer may come in now. No Fast DDS, no clock: time is ticked.
+// Who speaks on the bus: from where, when last, and whether a newcomer may come in now. No Fast
+// DDS, no clock: time is ticked.
 
 #include <cstdint>
 #include <deque>
@@ -16,31 +17,35 @@
 
 namespace nearmesh::wire {
 
-/// Where a message came from. Of UDP the port tells one socket from another; other transports need no such check.
+/// Where a message came from. Of UDP the port tells one socket from another; other transports need
+/// no such check.
 struct MessageSource {
   bool is_udp = false;
   std::uint16_t port = 0;
 };
 
 /// Six rules:
-/// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
-///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
-///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
-///   that its other sockets had nothing to say.
-/// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst may come at once, then
-///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does within five seconds, and who invents
-///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
+/// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message
+///   in its name from another one is refused, unless it has been silent for kMoved_s: else anybody
+///   could forge what it says, and one such message makes a reader deaf for it. The time of
+///   learning begins anew when it has moved, and once with its first word that is no announcement:
+///   before that its other sockets had nothing to say.
+/// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst
+///   may come at once, then kNewcomersPerSecond; who is held back is let in when it speaks again,
+///   which an honest one does within five seconds, and who invents participants does not. Of who
+///   has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
 ///   more than such invented ones as never speak again can be within that.
-/// * **Whom one has to do with.** Strangers (told_bodies.hpp) stay outside: to know somebody costs milliseconds at once, and a message a second. A few
-///   that move bodies come in all the same, kChosen at most, one each kChoice_s, each by a lot of one in kLots, or all would let in the same
-///   ones; and so does whoever has let this one in. So each is linked to each by some others, and the exercise's clock, which is the latest that
-///   anybody tells, reaches all.
+/// * **Whom one has to do with.** Strangers (told_bodies.hpp) stay outside: to know somebody costs
+///   milliseconds at once, and a message a second. A few that move bodies come in all the same,
+///   kChosen at most, one each kChoice_s, each by a lot of one in kLots, or all would let in the
+///   same ones; and so does whoever has let this one in. So each is linked to each by some others,
+///   and the exercise's clock, which is the latest that anybody tells, reaches all.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
-/// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
-///   that stood still does not miss everybody.
-/// * **Who has long spoken.** Where a heartbeat begins far beyond what was handed on of its writer, Fast DDS counts up to there, and
-///   one of its threads hears nothing meanwhile. kLeapBurst numbers may be counted at once, then kLeapsPerSecond; the rest comes with
-///   later heartbeats.
+/// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only
+///   while this process runs, so one that stood still does not miss everybody.
+/// * **Who has long spoken.** Where a heartbeat begins far beyond what was handed on of its writer,
+///   Fast DDS counts up to there, and one of its threads hears nothing meanwhile. kLeapBurst
+///   numbers may be counted at once, then kLeapsPerSecond; the rest comes with later heartbeats.
 /// Threads: one at a time.
 class ParticipantBook {
  public:
@@ -68,27 +73,30 @@ class ParticipantBook {
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
                                                 const MessageSource& from);
 
-  /// Whether this stranger, which is not known and announces itself, stays outside for now. To be asked before hear(). May throw std::bad_alloc.
+  /// Whether this stranger, which is not known and announces itself, stays outside for now. To be
+  /// asked before hear(). May throw std::bad_alloc.
   [[nodiscard]] bool keeps_out(const ParticipantKey& stranger);
 
-  /// Of a message that hear() took: changes where its heartbeats begin, if that is too far. May throw std::bad_alloc.
+  /// Of a message that hear() took: changes where its heartbeats begin, if that is too far. May
+  /// throw std::bad_alloc.
   void hold_back(RtpsVerdict& message);
 
   struct Gone {
     ParticipantKey key;
     std::int64_t sequence;  ///< above that of all its announcements
   };
-  /// Nothing is heard of it from now on, for good. Of one that is not known yet too. May throw std::bad_alloc: then it is not barred.
+  /// Nothing is heard of it from now on, for good. Of one that is not known yet too. May throw
+  /// std::bad_alloc: then it is not barred.
   void bar(const ParticipantKey& key);
   [[nodiscard]] bool is_barred(const ParticipantKey& key) const { return barred_.contains(key); }
   [[nodiscard]] bool is_known(const ParticipantKey& key) const { return known_.contains(key); }
-  /// So much time has passed: who has been silent for its lease is not known any more. May throw std::bad_alloc: then the time has
-  /// passed and nobody is forgotten; the next tick does it.
+  /// So much time has passed: who has been silent for its lease is not known any more. May throw
+  /// std::bad_alloc: then the time has passed and nobody is forgotten; the next tick does it.
   void tick(double seconds);
   /// Who has left by its lease or was barred, since it was asked last.
   [[nodiscard]] std::vector<Gone> take_gone() { return std::exchange(gone_, {}); }
-  /// Nothing came from it for so long, nor for three periods of its own life signs, which may be slower than ours. Nothing: it is
-  /// not known. One that is barred is silent.
+  /// Nothing came from it for so long, nor for three periods of its own life signs, which may be
+  /// slower than ours. Nothing: it is not known. One that is barred is silent.
   [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& key, double silence_s) const;
   [[nodiscard]] std::size_t size() const { return known_.size(); }
 
@@ -100,7 +108,8 @@ class ParticipantBook {
     std::int64_t sequence = 0;
     bool has_spoken = false;  ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
-    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
+    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts
+    /// anew.
     std::map<std::uint32_t, std::int64_t> begun;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
@@ -110,16 +119,16 @@ class ParticipantBook {
   bool has_strangers_;
   double now_s_ = 0;
   std::unordered_map<ParticipantKey, Known, ParticipantKeyHash> known_;
-  std::unordered_set<ParticipantKey, ParticipantKeyHash>
-      barred_;  ///< some bytes for each that ever had a certificate
+  /// Some bytes for each that ever had a certificate.
+  std::unordered_set<ParticipantKey, ParticipantKeyHash> barred_;
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
   double leap_tokens_ = kLeapBurst;
   std::unordered_map<ParticipantKey, double, ParticipantKeyHash> waiting_;  ///< since when
-  std::deque<ParticipantKey>
-      waiting_order_;  ///< all of these, and such as are not waiting any more
-  std::unordered_set<ParticipantKey, ParticipantKeyHash>
-      spoken_;  ///< who is not known and has said more than that it is there
+  /// All of these, and such as are not waiting any more.
+  std::deque<ParticipantKey> waiting_order_;
+  /// Who is not known and has said more than that it is there.
+  std::unordered_set<ParticipantKey, ParticipantKeyHash> spoken_;
   std::vector<ParticipantKey> chosen_;  ///< strangers
   double next_choice_s_ = 0;
   std::minstd_rand dice_{std::random_device{}()};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// From what the table of topics promises to QoS. For the rooms named dds alone. Both sides take theirs from here, so they
-// match.
+// From what the table of topics promises to QoS. For the rooms named dds alone. Both sides take
+// theirs from here, so they match.
 
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
@@ -69,8 +69,8 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
 enum class Hearing : std::uint8_t {
   kAsPromised,
   kLatest,  ///< best effort: what is lost is not sent again
-  /// A recorder's: all that comes is kept until it is taken, not the latest alone. Writers do not care: theirs keep the
-  /// latest, or (keeps_all) do not wait for a best-effort reader.
+  /// A recorder's: all that comes is kept until it is taken, not the latest alone. Writers do not
+  /// care: theirs keep the latest, or (keeps_all) do not wait for a best-effort reader.
   kAll,
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Notices when a participant is of no use any more, and this process must join anew. For the rooms named dds alone.
+// Notices when a participant is of no use any more, and this process must join anew. For the rooms
+// named dds alone.
 
 #include <netinet/in.h>
 
@@ -25,16 +26,19 @@
 
 namespace nearmesh::wire {
 
-/// Fast DDS 2.9 uses the addresses that were there when a participant was made; one that is made before the network of a machine
-/// that has resumed, or has just started, is never found. Threads: one.
+/// Fast DDS 2.9 uses the addresses that were there when a participant was made; one that is made
+/// before the network of a machine that has resumed, or has just started, is never found. Threads:
+/// one.
 class NetworkMemory {
  public:
   /// `wanted`: name or address of the only interface that is used; empty: all.
   explicit NetworkMemory(std::string wanted) : wanted_(std::move(wanted)) {}
-  /// A participant is about to be made, or was just made, with these. May throw std::bad_alloc: then it does not know of it.
+  /// A participant is about to be made, or was just made, with these. May throw std::bad_alloc:
+  /// then it does not know of it.
   void joined(const std::vector<Interface>& now);
-  /// An address that the participant does not know: of an interface that was used before, or of any where it has loopback alone.
-  /// Others do not count, say a bridge for containers: joining anew costs a pause. nullptr: there is none.
+  /// An address that the participant does not know: of an interface that was used before, or of any
+  /// where it has loopback alone. Others do not count, say a bridge for containers: joining anew
+  /// costs a pause. nullptr: there is none.
   [[nodiscard]] const Interface* news(const std::vector<Interface>& now) const;
 
  private:
@@ -46,15 +50,18 @@ class NetworkMemory {
   bool has_loopback_alone_ = true;
 };
 
-/// Fast DDS 2.9 opens a connection of TCP and only then notes what it wants to reach by it. Where the other side is faster, it throws that
-/// one's first answer away, and never speaks through this connection (of peers that wait for a processor one in a hundred). A new
-/// participant makes a new connection. Threads: one.
+/// Fast DDS 2.9 opens a connection of TCP and only then notes what it wants to reach by it. Where
+/// the other side is faster, it throws that one's first answer away, and never speaks through this
+/// connection (of peers that wait for a processor one in a hundred). A new participant makes a new
+/// connection. Threads: one.
 class DeafWatch {
  public:
-  /// What is waited for the first time; then twice as long each time, up to kLongest_s, for whom nobody answers at all.
+  /// What is waited for the first time; then twice as long each time, up to kLongest_s, for whom
+  /// nobody answers at all.
   static constexpr double kFirst_s = 6, kLongest_s = 60;
 
-  /// `alone`: connected, and nobody was found since the participant was made. Out: true once after each wait.
+  /// `alone`: connected, and nobody was found since the participant was made. Out: true once after
+  /// each wait.
   [[nodiscard]] bool is_due(bool alone, double now_s);
 
  private:
@@ -62,10 +69,12 @@ class DeafWatch {
   double wait_s_ = kFirst_s;
 };
 
-/// Three things make joining anew necessary. The whole process was stopped (debugger, suspended machine) for so long that others
-/// dropped it: with Fast DDS 2.9 it never missed the others, so it believes that they still have what it told them, and its
-/// endpoints are not found again (seen in 3 of 10 trials). An address came that the participant was made without
-/// (NetworkMemory). And a connection of TCP is deaf (DeafWatch). What it was is left in the mailbox. Want of memory is said there too, and delays: what is due stays due.
+/// Three things make joining anew necessary. The whole process was stopped (debugger, suspended
+/// machine) for so long that others dropped it: with Fast DDS 2.9 it never missed the others, so it
+/// believes that they still have what it told them, and its endpoints are not found again (seen in
+/// 3 of 10 trials). An address came that the participant was made without (NetworkMemory). And a
+/// connection of TCP is deaf (DeafWatch). What it was is left in the mailbox. Want of memory is
+/// said there too, and delays: what is due stays due.
 class RejoinWatch {
  public:
   /// Make it before the participant, so that no address comes unseen between the two.
@@ -75,10 +84,12 @@ class RejoinWatch {
   RejoinWatch& operator=(const RejoinWatch&) = delete;
   /// True once after each cause; the mailbox is woken then.
   [[nodiscard]] bool take_due() { return due_.exchange(false); }
-  /// Joining anew failed, say because the network of a resumed machine is not up yet: take_due() is true again in a second.
+  /// Joining anew failed, say because the network of a resumed machine is not up yet: take_due() is
+  /// true again in a second.
   void try_again() { again_ = true; }
-  /// To be called at each turn. When it is due: gives up the bus and joins anew. `join` makes the bus and says whether that worked; where it did not, there
-  /// is none, the mailbox has a line, and it will be due again. Out: true when all endpoints are new.
+  /// To be called at each turn. When it is due: gives up the bus and joins anew. `join` makes the
+  /// bus and says whether that worked; where it did not, there is none, the mailbox has a line, and
+  /// it will be due again. Out: true when all endpoints are new.
   template <class Bus, class Join>
   [[nodiscard]] bool rejoin_if_due(std::unique_ptr<Bus>& bus, Join join) {
     is_alone_ = bus != nullptr && !bus->has_found_others();

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Who gets which sample of a routed topic (topics.hpp): the writer's custom content filter of Fast DDS, over a table of our own. Readers
-// announce one filter, which never changes; what they want is said by WantedPoses, and stands in the table of the session that
-// writes. So nothing is announced anew when it changes. For the rooms named dds alone.
+// Who gets which sample of a routed topic (topics.hpp): the writer's custom content filter of Fast
+// DDS, over a table of our own. Readers announce one filter, which never changes; what they want is
+// said by WantedPoses, and stands in the table of the session that writes. So nothing is announced
+// anew when it changes. For the rooms named dds alone.
 
 #include <fastdds/dds/topic/IContentFilter.hpp>
 #include <fastdds/dds/topic/IContentFilterFactory.hpp>
@@ -26,8 +27,8 @@ namespace nearmesh::wire {
 inline constexpr char kRoutesFilter[] = "nearmesh.routes";
 inline constexpr char kRoutesExpression[] = "routed";
 
-/// Of one session: who wants which of its bodies, and where the sessions are whose bodies it wants. A sample of which the table does not
-/// say who gets it goes to all. Threads: any.
+/// Of one session: who wants which of its bodies, and where the sessions are whose bodies it wants.
+/// A sample of which the table does not say who gets it goes to all. Threads: any.
 class Routes {
  public:
   using Participant = std::array<std::uint8_t, 12>;
@@ -39,18 +40,21 @@ class Routes {
   Routes(const Routes&) = delete;
   Routes& operator=(const Routes&) = delete;
 
-  /// A peer's wish, as it came from a writer of that participant: the last one of both holds, for kWantedFor_s. Anybody can write a
-  /// peer's name, so what comes from elsewhere in that name changes nothing for who is meant.
+  /// A peer's wish, as it came from a writer of that participant: the last one of both holds, for
+  /// kWantedFor_s. Anybody can write a peer's name, so what comes from elsewhere in that name
+  /// changes nothing for who is meant.
   void want(const WantedPoses& wanted, const Participant& from);
-  /// The session speaks through that participant. Through several, one of which may be a stranger's or its own of before it joined
-  /// anew: each gets what is for it.
+  /// The session speaks through that participant. Through several, one of which may be a stranger's
+  /// or its own of before it joined anew: each gets what is for it.
   void find(SessionId session, const Participant& at);
-  /// Whoever spoke through that participant does not any more: in weeks there are more of them than are kept, and who is not gets all.
+  /// Whoever spoke through that participant does not any more: in weeks there are more of them than
+  /// are kept, and who is not gets all.
   void lose(const Participant& at);
   /// With a bus: nobody is known any more.
   void clear();
 
-  /// Samples of near poses that went to each peer, since the start; of those that want none, as long as there is room.
+  /// Samples of near poses that went to each peer, since the start; of those that want none, as
+  /// long as there is room.
   [[nodiscard]] std::map<SessionId, std::uint64_t> sent() const;
 
   /// Whether a reader there gets a sample: its bytes, as they go to the bus.
@@ -77,9 +81,10 @@ class Routes {
   std::map<SessionId, std::uint64_t> sent_;
 };
 
-/// Through which writer each peer says which poses it wants. The first one keeps a peer until it is gone, or has said nothing for so long
-/// that its wishes have ended: nobody else's word counts as that peer's meanwhile. Not SessionBook: a router writes for all peers of its
-/// site through one writer. Threads: one.
+/// Through which writer each peer says which poses it wants. The first one keeps a peer until it is
+/// gone, or has said nothing for so long that its wishes have ended: nobody else's word counts as
+/// that peer's meanwhile. Not SessionBook: a router writes for all peers of its site through one
+/// writer. Threads: one.
 class Wishers {
  public:
   using Time = std::chrono::steady_clock::time_point;

@@ -132,11 +132,13 @@ struct Submessages {
     return kNone;
   }
 
-  /// Lawful ones are long too: where a latched history keeps an old sample, all that was written since and replaced is one gap,
-  /// told before each heartbeat. A reader that is not told of it asks for 256 numbers with each heartbeat.
+  /// Lawful ones are long too: where a latched history keeps an old sample, all that was written
+  /// since and replaced is one gap, told before each heartbeat. A reader that is not told of it
+  /// asks for 256 numbers with each heartbeat.
   void cut_gap(std::size_t start_at, std::int64_t start, std::int64_t base, bool little_endian) {
     const std::int64_t parts = (base - start + kMaxGap - 1) / kMaxGap;
-    // By the golden ratio: all parts come soon, also where only each second turn or so is this writer's.
+    // By the golden ratio: all parts come soon, also where only each second turn or so is this
+    // writer's.
     const std::uint32_t spread = turn * 0x9e3779b1U;
     const auto part = static_cast<std::int64_t>(
         (std::uint64_t{spread} * static_cast<std::uint64_t>(parts)) >> 32);
@@ -158,7 +160,8 @@ struct Submessages {
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
-  /// The head of both kinds of data, up to where the inline QoS begins. In: `known`: bytes of it that follow octetsToInlineQos.
+  /// The head of both kinds of data, up to where the inline QoS begins. In: `known`: bytes of it
+  /// that follow octetsToInlineQos.
   static Refusal read_data_head(Cursor& in, std::size_t known, std::uint32_t& writer,
                                 std::int64_t& sequence, std::size_t& qos_at) {
     in.skip(2);
@@ -212,8 +215,9 @@ struct Submessages {
     return read_builtin(writer, sequence, qos, payload);
   }
 
-  /// Fast DDS compares nothing of what two fragments of one sample say of it: it takes sizes from the first that comes, and copies by
-  /// them. So each must be right by itself, and what is read beyond it is room that RtpsCopy provides.
+  /// Fast DDS compares nothing of what two fragments of one sample say of it: it takes sizes from
+  /// the first that comes, and copies by them. So each must be right by itself, and what is read
+  /// beyond it is room that RtpsCopy provides.
   Refusal read_data_fragment(Cursor& in, std::uint8_t flags) {
     const bool little_endian = (flags & 1) != 0;
     std::uint32_t writer = 0;
@@ -228,7 +232,8 @@ struct Submessages {
     InlineQos qos;
     if ((flags & 2) != 0)
       if (const Refusal refusal = read_inline_qos(in, little_endian, qos)) return refusal;
-    // What is read before anybody is known comes whole, or it could not be looked at here. A key Fast DDS reads from nowhere.
+    // What is read before anybody is known comes whole, or it could not be looked at here. A key
+    // Fast DDS reads from nowhere.
     if (writer == kParticipants || writer == kHandshakes || (flags & 4) != 0)
       return DoorRefusal::kFragments;
     if (first < 1 || count < 1 || count > kMaxFragmentsAtOnce || size < kMinFragmentBytes ||
@@ -303,8 +308,8 @@ struct Submessages {
     const Bytes speaker = in.take(24);  // who names this message, and its number
     in.skip(24 + 3 * 16);               // another message's name, three GUIDs
     in.text();
-    // PEM has a colon in its headers alone, and one of these says that it is encrypted: then Fast DDS asks for the passphrase
-    // at the terminal, and its thread waits for an answer.
+    // PEM has a colon in its headers alone, and one of these says that it is encrypted: then Fast
+    // DDS asks for the passphrase at the terminal, and its thread waits for an answer.
     bool is_one = true, is_clear = true;
     for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left)
       read_token(in, [&](Bytes name, Bytes value) {

@@ -61,7 +61,8 @@ class Cursor {
     if (bytes.empty() || bytes.back() != 0) whole_ = false;
     align();
   }
-  /// A list of so many things, each of at least so many bytes: the count is used for memory before the things are read.
+  /// A list of so many things, each of at least so many bytes: the count is used for memory before
+  /// the things are read.
   std::uint32_t count(std::size_t least_bytes) {
     const std::uint32_t found = u32();
     if (!whole_ || found > left() / least_bytes) {
@@ -87,8 +88,9 @@ class Cursor {
   bool whole_ = true;
 };
 
-/// What a message says: use(id, flags, body) of each submessage, but for those that only tell when it was said, to whom, and statistics.
-/// Out: false where use() gave false, and where it is malformed; then what follows is not looked at.
+/// What a message says: use(id, flags, body) of each submessage, but for those that only tell when
+/// it was said, to whom, and statistics. Out: false where use() gave false, and where it is
+/// malformed; then what follows is not looked at.
 template <class Use>
 [[nodiscard]] bool for_each_word(Cursor::Bytes message, const Use& use) {
   for (std::size_t at = rtps_ids::kHeaderBytes; at + 4 <= message.size();) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Numbers that RTPS gives to what is in a message. Source: DDSI-RTPS 2.3, 9.3.1.5 and 9.4.5.1; 0x80 is eProsima's.
+// Numbers that RTPS gives to what is in a message. Source: DDSI-RTPS 2.3, 9.3.1.5 and 9.4.5.1; 0x80
+// is eProsima's.
 
 #include <cstddef>
 #include <cstdint>
@@ -29,7 +30,8 @@ enum Submessage : std::uint8_t {
   kStatistics = 0x80,
 };
 
-/// Writers of discovery, as a number of four bytes. What they write is read before anybody is known.
+/// Writers of discovery, as a number of four bytes. What they write is read before anybody is
+/// known.
 enum BuiltinWriter : std::uint32_t {
   kParticipants = 0x000100c2,
   kWriters = 0x000003c2,

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Lists of parameters in RTPS messages, which describe participants and endpoints, and tokens of DDS Security: whether they are whole.
+// Lists of parameters in RTPS messages, which describe participants and endpoints, and tokens of
+// DDS Security: whether they are whole.
 
 #include "rtps_cursor.hpp"
 
 namespace nearmesh::wire {
 
-/// Whether a parameter of discovery describes a type: by an identifier, the whole, or the same as of XTypes 1.3.
+/// Whether a parameter of discovery describes a type: by an identifier, the whole, or the same as
+/// of XTypes 1.3.
 [[nodiscard]] bool describes_type(std::uint16_t parameter);
 
 /// Whether these bytes are such a parameter of discovery. Unknown ones pass: Fast DDS skips them.
@@ -14,7 +16,8 @@ namespace nearmesh::wire {
 
 void read_properties(Cursor& in);
 
-/// A token of DDS Security: a class, then properties as text and as bytes, of which `see(name, bytes)` is told.
+/// A token of DDS Security: a class, then properties as text and as bytes, of which `see(name,
+/// bytes)` is told.
 template <class See>
 void read_token(Cursor& in, See see) {
   in.text();
@@ -25,7 +28,8 @@ void read_token(Cursor& in, See see) {
   }
 }
 
-/// Walks a list of parameters; `see(id, place in `in`, bytes)` says whether one is right. Out: it is whole, and ends.
+/// Walks a list of parameters; `see(id, place in `in`, bytes)` says whether one is right. Out: it
+/// is whole, and ends.
 template <class See>
 bool read_parameters(Cursor& in, See see) {
   while (in.is_whole()) {

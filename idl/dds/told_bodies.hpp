@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What participants tell of bodies in their announcements (user data): which ones their hosts will ever name, and which of these they
-// move. Names are hashes: two that are alike by accident make two participants know each other sooner than need be, no more.
-// No Fast DDS, no clock.
+// What participants tell of bodies in their announcements (user data): which ones their hosts will
+// ever name, and which of these they move. Names are hashes: two that are alike by accident make
+// two participants know each other sooner than need be, no more. No Fast DDS, no clock.
 
 #include <cstdint>
 #include <optional>
@@ -12,7 +12,8 @@
 
 namespace nearmesh::wire {
 
-/// Names that a participant tells at most, all together: more do not fit into one datagram beside the rest.
+/// Names that a participant tells at most, all together: more do not fit into one datagram beside
+/// the rest.
 inline constexpr std::size_t kMaxToldBodies = 64;
 
 /// Bodies that a host names.
@@ -34,10 +35,12 @@ struct ToldBodies {
                                       const std::vector<std::uint32_t>& b);
 /// User data. Nothing: they are more than kMaxToldBodies.
 [[nodiscard]] std::optional<std::vector<std::uint8_t>> user_data_of(const BodyNames& bodies);
-/// Of user data. Nothing: it is not ours, or malformed; then the participant may name any body, and move any.
+/// Of user data. Nothing: it is not ours, or malformed; then the participant may name any body, and
+/// move any.
 [[nodiscard]] std::optional<ToldBodies> told_bodies_in(std::span<const std::uint8_t> user_data);
 
-/// Whether the two have nothing to do with each other: neither names a body that the other moves. The same for both, whoever asks.
+/// Whether the two have nothing to do with each other: neither names a body that the other moves.
+/// The same for both, whoever asks.
 [[nodiscard]] bool are_strangers(const ToldBodies& one, const ToldBodies& other);
 
 }  // namespace nearmesh::wire

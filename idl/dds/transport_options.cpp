@@ -29,8 +29,9 @@ TransportOptions preset_of(Transport transport) {
   TransportOptions options;
   options.transport = transport;
   if (transport == Transport::kThin) {
-    // A life sign of one participant is some 500 bytes to each other one; a heartbeat some 100 for each stream that is
-    // behind. Ten participants on 0.25 Mbit/s would spend a tenth of it at the built-in pace.
+    // A life sign of one participant is some 500 bytes to each other one; a heartbeat some 100 for
+    // each stream that is behind. Ten participants on 0.25 Mbit/s would spend a tenth of it at the
+    // built-in pace.
     options.announcement_s = 3;
     options.silence_s = 10;
     options.heartbeat_s = 0.3;

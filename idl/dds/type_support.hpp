@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Makes the generated type supports of Fast DDS fit for bytes from strangers. For the rooms named dds
-// alone.
-// * The keys of the generated code share one buffer between threads (3,338 wrong keys in 4 M calls);
+// Makes the generated type supports of Fast DDS fit for bytes from strangers. For the rooms named
+// dds alone.
+// * The keys of the generated code share one buffer between threads (3,338 wrong keys in 4 M
+//   calls);
 // ours has its own.
 // * The generated deserialize lets std::bad_alloc and others out, into a thread of Fast DDS; ours
 // catches everything.
@@ -31,7 +32,8 @@ namespace nearmesh::wire {
 template <class Sample>
 struct Envelope : Sample {
   std::string fault;
-  /// What was read, as it was (RawType alone); what is written, where not empty: then the fields are for the key only.
+  /// What was read, as it was (RawType alone); what is written, where not empty: then the fields
+  /// are for the key only.
   std::vector<std::uint8_t> cdr;
 };
 
@@ -49,7 +51,8 @@ struct Envelope : Sample {
          std::to_string(kWireVersion);
 }
 
-/// In: what was generated for a message. Its maximum size stays: a reader of Fast DDS drops what is larger, in silence.
+/// In: what was generated for a message. Its maximum size stays: a reader of Fast DDS drops what is
+/// larger, in silence.
 template <class OfMessage>
 class SafeType : public OfEitherVersion<typename OfMessage::Type> {
  public:
@@ -83,8 +86,9 @@ class SafeType : public OfEitherVersion<typename OfMessage::Type> {
     if (!target.fault.empty()) return true;
     bool is_good = false;
     try {
-      // Written again, it has the same size: that also catches names that were cut to their bound, and bytes that belong to no
-      // field. Up to three bytes of padding follow a sample on the wire.
+      // Written again, it has the same size: that also catches names that were cut to their bound,
+      // and bytes that belong to no field. Up to three bytes of padding follow a sample on the
+      // wire.
       if (generated_read<Support>(*this, payload, data)) {
         std::vector<std::uint8_t> again(generated_size(static_cast<const Sample&>(target)));
         const std::size_t expected = written_size(target, again);
@@ -155,7 +159,8 @@ class RawType : public SafeType<OfMessage> {
   }
 };
 
-/// The type supports of a message, as it is written and read, and as a recorder reads it. Messages of one generated type have one.
+/// The type supports of a message, as it is written and read, and as a recorder reads it. Messages
+/// of one generated type have one.
 template <class Message>
 using TypeOf = SafeType<typename Generated<Message>::Own>;
 template <class Message>

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whom a peer has asked for anything: it takes in no batches of others, whatever they say that they answer. Anybody can write into a
-// peer's partition; what nobody asked for must neither wait before what was asked, nor count as taken in. One rule for peers and
-// for who lives through a recording of them, so both take in the same.
+// Whom a peer has asked for anything: it takes in no batches of others, whatever they say that they
+// answer. Anybody can write into a peer's partition; what nobody asked for must neither wait before
+// what was asked, nor count as taken in. One rule for peers and for who lives through a recording
+// of them, so both take in the same.
 
 #include <vector>
 
@@ -21,7 +22,8 @@ class AskedPublishers {
     return true;
   }
   [[nodiscard]] bool has(SessionId publisher) const { return last_.find(publisher) != nullptr; }
-  /// A batch has come. The last counts, not the highest: a publisher that lost the peer for a while counts from 1 again.
+  /// A batch has come. The last counts, not the highest: a publisher that lost the peer for a while
+  /// counts from 1 again.
   void hear(const SplitBatchMessage& batch) {
     if (std::uint32_t* const last = last_.use(batch.publisher)) *last = batch.sequence;
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which contents stand for the name of a model, by what the publishers that are there say of it. One rule for peers, publishers
-// and whoever looks at the bus.
+// Which contents stand for the name of a model, by what the publishers that are there say of it.
+// One rule for peers, publishers and whoever looks at the bus.
 
 #include <optional>
 #include <span>
@@ -36,8 +36,8 @@ inline constexpr const char* kConflictAdvice =
 /// The offers of one epoch: what stands for a name is settled among these.
 [[nodiscard]] std::vector<Offer> of_epoch(std::span<const Offer> offers, std::uint32_t number);
 
-/// The contents that nobody replaces, ascending: more than one is a mistake that people must mend. Where they replace each other in
-/// a circle all of them stand.
+/// The contents that nobody replaces, ascending: more than one is a mistake that people must mend.
+/// Where they replace each other in a circle all of them stand.
 [[nodiscard]] std::vector<ContentHash> standing(std::span<const Offer> offers);
 
 /// The first that offers a content; nullptr: nobody does.

@@ -231,8 +231,8 @@ Result<SaidPose> read_pose_stamped(std::span<const std::uint8_t> bytes) {
 }
 
 Result<std::vector<SaidPose>> read_tf_message(std::span<const std::uint8_t> bytes) {
-  constexpr std::size_t kLeastBytes =
-      74;  // time, two empty names, seven numbers; less what aligns them
+  // Time, two empty names, seven numbers; less what aligns them.
+  constexpr std::size_t kLeastBytes = 74;
   CdrReader cdr(bytes);
   const std::size_t count = cdr.take_count(kLeastBytes);
   std::vector<SaidPose> all;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Messages of ROS 2 that others' tools draw, as bytes (takes plain structs, gives CDR): transforms, markers, numbers; and those that
-// say where bodies are, read. No ROS is needed. Field orders and numbers are those of ROS 2's interface packages (geometry_msgs, tf2_msgs, std_msgs,
+// Messages of ROS 2 that others' tools draw, as bytes (takes plain structs, gives CDR): transforms,
+// markers, numbers; and those that say where bodies are, read. No ROS is needed. Field orders and
+// numbers are those of ROS 2's interface packages (geometry_msgs, tf2_msgs, std_msgs,
 // visualization_msgs), as of Humble.
 
 #include <array>
@@ -59,11 +60,13 @@ struct SaidPose {
   std::array<double, 3> translation_m{};
   std::array<double, 4> wxyz{};
 };
-/// geometry_msgs/msg/PoseStamped and tf2_msgs/msg/TFMessage, of either byte order. Trusts no count. Errors: kCorrupt where the bytes are
-/// not such a message: too few, too many, another encapsulation.
+/// geometry_msgs/msg/PoseStamped and tf2_msgs/msg/TFMessage, of either byte order. Trusts no count.
+/// Errors: kCorrupt where the bytes are not such a message: too few, too many, another
+/// encapsulation.
 [[nodiscard]] Result<SaidPose> read_pose_stamped(std::span<const std::uint8_t> cdr);
 [[nodiscard]] Result<std::vector<SaidPose>> read_tf_message(std::span<const std::uint8_t> cdr);
-/// What it says, as a pose of a body. Errors: kInvalidArgument, naming `body`: not finite, too far, no rotation.
+/// What it says, as a pose of a body. Errors: kInvalidArgument, naming `body`: not finite, too far,
+/// no rotation.
 [[nodiscard]] Result<Pose> to_pose(const SaidPose& said, const std::string& body);
 
 /// A name made of what topics of ROS 2 may have: letters, digits and lines; no digit comes first.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a ProcessStatus needs over time, alike for publishers and peers: when the next is due, the rate since the last, and
-// the newest complaints.
+// What a ProcessStatus needs over time, alike for publishers and peers: when the next is due, the
+// rate since the last, and the newest complaints.
 
 #include <deque>
 #include <string>
@@ -20,7 +20,8 @@ class StatusKeeper {
   void note(const std::string& line, double now_s);
   /// True once a second.
   [[nodiscard]] bool is_due(double now_s) const { return now_s >= next_s_; }
-  /// Fills in the name where there is none, host, process, memory, uptime_s, bytes_per_s (from `bytes`) and complaints.
+  /// Fills in the name where there is none, host, process, memory, uptime_s, bytes_per_s (from
+  /// `bytes`) and complaints.
   void complete(ProcessStatus& status, double now_s);
 
  private:

@@ -109,7 +109,8 @@ void set_log_levels(const std::vector<std::string>& levels) {
     const auto [room, level] = room_and_level(text);
     if (room.empty()) {
       spdlog::set_level(spdlog::level::from_str(level));
-      // Fast DDS warns of much that is repaired by itself: it has a level of its own, unless nothing at all is wanted.
+      // Fast DDS warns of much that is repaired by itself: it has a level of its own, unless
+      // nothing at all is wanted.
       set_fastdds_room(std::max(spdlog::level::from_str(level), spdlog::level::err));
     } else if (room == kFastDdsRoom) {
       set_fastdds_room(spdlog::level::from_str(level));

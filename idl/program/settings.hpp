@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Settings of a program, by layers: built-in < preset < file < environment < flag. Each is bound to a field of an options
-// struct, whose value at that time is the built-in one; hosts that embed a library fill the structs themselves.
-// One name in three spellings: lease_s in the file (YAML), NEARMESH_LEASE_S in the environment, --lease-s as a flag.
-// Bad values are errors that name the place, the key, what was expected and what was found; nothing is changed then.
+// Settings of a program, by layers: built-in < preset < file < environment < flag. Each is bound to
+// a field of an options struct, whose value at that time is the built-in one; hosts that embed a
+// library fill the structs themselves. One name in three spellings: lease_s in the file (YAML),
+// NEARMESH_LEASE_S in the environment, --lease-s as a flag. Bad values are errors that name the
+// place, the key, what was expected and what was found; nothing is changed then.
 
 #include <cstdint>
 #include <functional>
@@ -36,7 +37,8 @@ class Settings {
         [&target](double value) { target = static_cast<Number>(value); },
         [&target] { return static_cast<double>(target); });
   }
-  /// A text. `check` (may be empty) says what is wrong with a value; `values` (may be empty) describes what is right.
+  /// A text. `check` (may be empty) says what is wrong with a value; `values` (may be empty)
+  /// describes what is right.
   void add(std::string key, std::string& target, std::string help, std::string values = {},
            Check check = {}) {
     add_text(
@@ -47,13 +49,16 @@ class Settings {
   void add_text(std::string key, std::function<void(const std::string&)> set,
                 std::function<std::string()> get, std::string help, std::string values,
                 Check check);
-  /// A list: a sequence in the file, separated by commas in the environment, a flag for each. A layer replaces the list.
+  /// A list: a sequence in the file, separated by commas in the environment, a flag for each. A
+  /// layer replaces the list.
   void add(std::string key, std::vector<std::string>& target, std::string help,
            std::string values = {}, Check check = {});
 
-  /// Reads a YAML map. Errors: kIo; kInvalidArgument naming file, line and key, with the nearest key that is known.
+  /// Reads a YAML map. Errors: kIo; kInvalidArgument naming file, line and key, with the nearest
+  /// key that is known.
   [[nodiscard]] Status read_file(const std::string& path);
-  /// In: as ::environ. Variables NEARMESH_... that are no setting here are left alone: other programs may know them.
+  /// In: as ::environ. Variables NEARMESH_... that are no setting here are left alone: other
+  /// programs may know them.
   [[nodiscard]] Status read_environment(const char* const* environment);
   /// Sets from a flag, or what stands for one. Errors: kNotFound (key), kInvalidArgument.
   [[nodiscard]] Status set_flag(const std::string& key, const std::vector<std::string>& values);
@@ -64,8 +69,8 @@ class Settings {
     std::string key, help, values;  ///< `values`: what is allowed, "number in [0, 1]"
     nlohmann::ordered_json built_in, value;
     Source source = Source::kBuiltIn;
-    std::string
-        place;  ///< where it was set: "FILE:LINE", "NEARMESH_LEASE_S", "--lease-s", name of the preset
+    /// Where it was set: "FILE:LINE", "NEARMESH_LEASE_S", "--lease-s", name of the preset.
+    std::string place;
     bool is_list = false;
   };
   /// In the order in which they were added.
@@ -96,7 +101,8 @@ class Settings {
   std::vector<Setting> settings_;
 };
 
-/// Of the words that are known the one that a mistyped one comes next to, for error messages; "" where there is none.
+/// Of the words that are known the one that a mistyped one comes next to, for error messages; ""
+/// where there is none.
 [[nodiscard]] std::string nearest(std::string_view word, const std::set<std::string>& known);
 
 /// lease_s to --lease-s, and to NEARMESH_LEASE_S.

@@ -6,7 +6,8 @@
 namespace nearmesh::wire::program {
 namespace {
 
-/// A call that waits is left when a signal comes, with EINTR. One that begins to wait only then is woken by the next one.
+/// A call that waits is left when a signal comes, with EINTR. One that begins to wait only then is
+/// woken by the next one.
 void wake_until_it_ends() {
   constexpr suseconds_t kPeriod_us = 100'000;
   const itimerval again{{0, kPeriod_us}, {0, kPeriod_us}};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which certificates count now: those of one authority that it has not taken back and that have not expired. For a program that
-// runs on while lists change. No Fast DDS and no clock here.
+// Which certificates count now: those of one authority that it has not taken back and that have not
+// expired. For a program that runs on while lists change. No Fast DDS and no clock here.
 
 #include <array>
 #include <cstdint>
@@ -25,7 +25,8 @@ struct IdentityFacts {
   std::string name;     ///< common name: "alice"
   std::string serial;   ///< hexadecimal; another for each certificate of the same name
   std::time_t end = 0;  ///< of it or of its authority, which may have been made long before
-  /// With these a participant of this identity begins (OMG DDS Security 1.1, 9.3.3): a bit, and 47 of the hash of the subject.
+  /// With these a participant of this identity begins (OMG DDS Security 1.1, 9.3.3): a bit, and 47
+  /// of the hash of the subject.
   std::array<std::uint8_t, 6> key_start{};
 };
 
@@ -36,8 +37,9 @@ class IdentityBook {
   [[nodiscard]] static Result<std::unique_ptr<IdentityBook>> open(const IdentityPaths& paths);
   ~IdentityBook();
 
-  /// Reads the list again where its file has changed. What is not signed by the authority, or is older than the list in force,
-  /// is refused: that one stays. Out: one line for the operator, or "".
+  /// Reads the list again where its file has changed. What is not signed by the authority, or is
+  /// older than the list in force, is refused: that one stays. Out: one line for the operator, or
+  /// "".
   [[nodiscard]] std::string refresh();
   /// Of a certificate in PEM, as a handshake carries it. Nothing: it is none of this authority's.
   [[nodiscard]] std::optional<IdentityFacts> facts_of(std::span<const std::uint8_t> pem);

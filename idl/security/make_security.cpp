@@ -26,8 +26,8 @@ using crypto::Issuer;
 constexpr int kMaxValidDays = 36500;
 constexpr std::size_t kMaxIdentityName = 63;
 constexpr mode_t kPrivate = 0600, kPublic = 0644;
-const std::string kAuthorities =
-    "private";                         // keys of the authorities, and what all identities share
+// Keys of the authorities, and what all identities share.
+const std::string kAuthorities = "private";
 const char* const kIssued = "issued";  // each certificate, a line: serial and name
 
 Status io_error(const std::string& path) {
@@ -67,8 +67,9 @@ bool is_made_of(std::string_view text, std::string_view others) {
   });
 }
 
-/// A handshake carries them in one message, and Fast DDS 3.1 ends the process of who would send more than 8 KB. So they take no more than with
-/// the longest names of prefixes and identities, which a test sends.
+/// A handshake carries them in one message, and Fast DDS 3.1 ends the process of who would send
+/// more than 8 KB. So they take no more than with the longest names of prefixes and identities,
+/// which a test sends.
 Status check_room(const SecurityPlan& plan) {
   SecurityPlan longest;
   longest.domain = plan.domain;
@@ -186,7 +187,8 @@ Status fill_authorities(const fs::path& folder, const SecurityPlan& plan, std::t
   return write_file(folder / kGovernance, governance.value(), kPublic);
 }
 
-/// Makes a folder beside its place first, so that nobody sees half of one, and what was there stays until then.
+/// Makes a folder beside its place first, so that nobody sees half of one, and what was there stays
+/// until then.
 template <class Fill>
 Status put_folder(const fs::path& place, mode_t mode, Fill fill) {
   const fs::path beside = place.parent_path() / ("." + place.filename().string() + ".new");
@@ -246,8 +248,8 @@ Issued read_issued(const fs::path& authorities) {
   return issued;
 }
 
-/// Sets of before this was kept have what lies in the identities' folders. Of another authority it may have any name, one of two
-/// words too, which would part the lines of what was issued.
+/// Sets of before this was kept have what lies in the identities' folders. Of another authority it
+/// may have any name, one of two words too, which would part the lines of what was issued.
 void add_certificate(const fs::path& identity, X509& authority, Issued& issued) {
   const auto certificate = crypto::read_certificate(identity / kCertificate);
   if (certificate.is_ok() && crypto::is_issued_by(*certificate.value(), authority))

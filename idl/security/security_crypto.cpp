@@ -136,7 +136,8 @@ Result<std::string> verify_signed(const std::string& path, X509& authority) {
   const std::unique_ptr<STACK_OF(X509), void (*)(STACK_OF(X509)*)> signers(
       sk_X509_new_null(), [](STACK_OF(X509) * stack) { sk_X509_free(stack); });
   sk_X509_push(signers.get(), &authority);
-  // Of the authority itself, whoever else's certificate comes along; validity in time is judged elsewhere.
+  // Of the authority itself, whoever else's certificate comes along; validity in time is judged
+  // elsewhere.
   constexpr int kFlags = PKCS7_TEXT | PKCS7_NOINTERN | PKCS7_NOVERIFY;
   if (PKCS7_verify(signature.get(), signers.get(), nullptr, content, out.get(), kFlags) != 1)
     return refused(StatusCode::kConflict, "signature does not verify");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The little of OpenSSL that security files need. Errors: kIo naming the file, kCorrupt for bytes that are something else.
+// The little of OpenSSL that security files need. Errors: kIo naming the file, kCorrupt for bytes
+// that are something else.
 
 #include <openssl/evp.h>
 #include <openssl/x509.h>
@@ -31,7 +32,8 @@ struct Issuer {
   Certificate certificate;
 };
 
-/// A P-256 key with a certificate on it, from a day before `now`; signed by `issuer`, or by itself (an authority) for nullptr.
+/// A P-256 key with a certificate on it, from a day before `now`; signed by `issuer`, or by itself
+/// (an authority) for nullptr.
 [[nodiscard]] Result<Issuer> make_identity(const std::string& common_name, int valid_days,
                                            std::time_t now, const Issuer* issuer);
 
@@ -40,7 +42,8 @@ struct Issuer {
 /// The text, if a signature by `authority` itself is on it.
 [[nodiscard]] Result<std::string> verify_signed(const std::string& path, X509& authority);
 
-/// For OpenSSL's readers of PEM, which else ask at the terminal, and wait there: a program that starts by itself has nobody to ask.
+/// For OpenSSL's readers of PEM, which else ask at the terminal, and wait there: a program that
+/// starts by itself has nobody to ask.
 int no_passphrase(char* buffer, int size, int is_written, void* user);
 [[nodiscard]] std::string to_pem(X509& certificate);
 [[nodiscard]] Result<std::string> to_pem(EVP_PKEY& key);
@@ -62,7 +65,8 @@ struct Revocations {
   std::int64_t number = 0;                     ///< of the list; a later one has a higher
   std::map<std::string, std::time_t> serials;  ///< since when
 };
-/// A list in PEM, from a day before `now`, for clocks that differ; valid as long as the authority itself.
+/// A list in PEM, from a day before `now`, for clocks that differ; valid as long as the authority
+/// itself.
 [[nodiscard]] Result<std::string> sign_revocations(const Revocations& revoked, std::time_t now,
                                                    const Issuer& authority);
 /// kConflict where it is not signed by the authority.

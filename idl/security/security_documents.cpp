@@ -103,7 +103,8 @@ std::string topic_rule(const std::string& topic, const std::string& protection) 
 
 constexpr const char* kUnnamed = "does not allow to ";
 
-/// What a grant says of one endpoint: "" allows it, else a clause. As in Fast DDS the first rule that names the topic decides.
+/// What a grant says of one endpoint: "" allows it, else a clause. As in Fast DDS the first rule
+/// that names the topic decides.
 std::string judge_endpoint(const XMLElement* grant, const Endpoint& endpoint,
                            std::uint32_t domain) {
   const char* what = endpoint.writes ? "publish" : "subscribe";
@@ -174,10 +175,11 @@ std::vector<Endpoint> endpoints_of(Role role, const TopicNames& names) {
 }
 
 std::string governance_text(std::uint32_t domain, const std::string& prefix) {
-  // Protected once, endpoint by endpoint: the key of a writer goes to its readers alone, so a peer cannot read what is sent to
-  // another in its own partition. Message protection would encrypt all again with keys that everybody holds.
-  // A writer's readers all hold its key. That of what has few readers also signs for each of them apart, so that none can
-  // forge it to another; 20 bytes a reader and message would not fit where there are hundreds.
+  // Protected once, endpoint by endpoint: the key of a writer goes to its readers alone, so a peer
+  // cannot read what is sent to another in its own partition. Message protection would encrypt all
+  // again with keys that everybody holds. A writer's readers all hold its key. That of what has few
+  // readers also signs for each of them apart, so that none can forge it to another; 20 bytes a
+  // reader and message would not fit where there are hundreds.
   const TopicNames names = all_versions(prefix);
   std::string topics;
   for (TopicPlace place = 0; place < kTopicCount; ++place)

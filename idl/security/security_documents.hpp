@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Governance and permissions as DDS Security writes them, and what they allow. Source: OMG DDS Security 1.1, section 9.4.1.
+// Governance and permissions as DDS Security writes them, and what they allow. Source: OMG DDS
+// Security 1.1, section 9.4.1.
 
 #include <ctime>
 #include <string>
@@ -14,7 +15,8 @@ namespace nearmesh::wire {
 /// "2026-11-22T19:47:24", of UTC.
 [[nodiscard]] std::string date_of(std::time_t time);
 
-/// One endpoint that a role has. Partition "" is the default; "*" all (batches: a partition for each peer).
+/// One endpoint that a role has. Partition "" is the default; "*" all (batches: a partition for
+/// each peer).
 struct Endpoint {
   std::string topic;
   bool writes = false;

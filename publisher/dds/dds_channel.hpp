@@ -43,7 +43,8 @@ class DdsChannel final : public Channel {
   /// Dropped when it cannot be taken at once: the next one tells more.
   void tell(wire::ProcessStatus& status) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
-  /// Not ok once this program's identity was revoked or has expired; then nobody is served any more.
+  /// Not ok once this program's identity was revoked or has expired; then nobody is served any
+  /// more.
   [[nodiscard]] Status identity() const;
 
  private:

@@ -13,8 +13,9 @@ using wire::SessionId;
 
 namespace {
 
-/// A recorder hears batches best-effort, so it must have found a new peer's writer before the first of them: without the
-/// first, none of what that peer answers can be proved. Peers that are not recorded do not wait.
+/// A recorder hears batches best-effort, so it must have found a new peer's writer before the first
+/// of them: without the first, none of what that peer answers can be proved. Peers that are not
+/// recorded do not wait.
 constexpr std::chrono::milliseconds kRecorderGrace{100};
 
 }  // namespace
@@ -63,7 +64,8 @@ void DdsPeers::found(const wire::BusOptions::Found& reader) {
 void DdsPeers::prepare() {
   const auto found = found_.take();
   if (!found) {
-    // Whose reader has gone would take the place of another for good. Who is there gets its writer when it asks.
+    // Whose reader has gone would take the place of another for good. Who is there gets its writer
+    // when it asks.
     for (auto& [peer, prepared] : std::exchange(prepared_, {}))
       bus_->remove_writer(&prepared.peer.writer->endpoint());
     return;
@@ -86,8 +88,8 @@ void DdsPeers::prepare() {
   }
 }
 
-/// A peer that was lost and found again by the time it is taken from has said again what it wants: it must be lost before
-/// that is heard, or the answer is forgotten with it.
+/// A peer that was lost and found again by the time it is taken from has said again what it wants:
+/// it must be lost before that is heard, or the answer is forgotten with it.
 Inbox DdsPeers::admit(std::vector<Heard> heard) {
   Inbox inbox;
   inbox.lost_peers = take_lost();

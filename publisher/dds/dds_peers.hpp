@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The publisher's endpoints towards live peers: one reader of subscriptions, and for each peer a writer of batches in a
-// partition of its own. Shared by the channel of a publisher and that of a replay. Fast DDS: for the rooms named dds alone.
+// The publisher's endpoints towards live peers: one reader of subscriptions, and for each peer a
+// writer of batches in a partition of its own. Shared by the channel of a publisher and that of a
+// replay. Fast DDS: for the rooms named dds alone.
 
 #include <chrono>
 #include <map>
@@ -21,7 +22,8 @@ class FoundReaders {
  public:
   static constexpr std::size_t kMost = 1024;
   void add(const wire::BusOptions::Found& reader);
-  /// In order. None where there were too many since the last call: then any reader may have gone, and any may have come.
+  /// In order. None where there were too many since the last call: then any reader may have gone,
+  /// and any may have come.
   [[nodiscard]] std::optional<std::vector<wire::BusOptions::Found>> take();
 
  private:
@@ -40,11 +42,13 @@ class DdsPeers {
   [[nodiscard]] Status open(wire::Bus& bus);
   /// The bus is gone, and all peers with it; they are among the lost.
   void forget();
-  /// A peer that will ask hears batches in its partition already. Its writer is made now: both sides know of each other when it
-  /// asks, else the first batches would come before the word of who writes them, and again after a heartbeat. Threads: all.
+  /// A peer that will ask hears batches in its partition already. Its writer is made now: both
+  /// sides know of each other when it asks, else the first batches would come before the word of
+  /// who writes them, and again after a heartbeat. Threads: all.
   void found(const wire::BusOptions::Found& reader);
 
-  /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own writers do.
+  /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own
+  /// writers do.
   template <class Wanted>
   [[nodiscard]] Inbox take(Wanted wanted) {
     std::vector<Heard> heard;

@@ -86,8 +86,8 @@ class DdsReplay::Impl {
   wire::Mailbox mailbox_;
   DdsPeers peers_;
   std::vector<std::unique_ptr<RawWriter>> writers_;  ///< by stream
-  std::unique_ptr<wire::Bus>
-      bus_;  ///< goes first of the DDS members, while the listeners still live
+  /// Goes first of the DDS members, while the listeners still live.
+  std::unique_ptr<wire::Bus> bus_;
   std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
 };
 

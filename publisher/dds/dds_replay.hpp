@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A replay's outlet over Fast DDS: one participant, a writer for each recorded stream with its topic's QoS and its
-// partition, a reader of subscriptions, and a writer for each live peer that is answered. No Fast DDS is seen here.
+// A replay's outlet over Fast DDS: one participant, a writer for each recorded stream with its
+// topic's QoS and its partition, a reader of subscriptions, and a writer for each live peer that is
+// answered. No Fast DDS is seen here.
 
 #include <memory>
 #include <set>

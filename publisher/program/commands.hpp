@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The commands of nearmesh-publisher: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
-// that no command compiles CLI11.
+// The commands of nearmesh-publisher: what each is told, and what it then does. Flags and help
+// stand in main.cpp alone, so that no command compiles CLI11.
 
 #include <string>
 #include <vector>

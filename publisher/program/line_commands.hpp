@@ -31,8 +31,8 @@ inline constexpr const char* kKnownOrders =
 /// Blanks around the line do not matter. Errors: kInvalidArgument with the line and kKnownOrders.
 [[nodiscard]] Result<Order> parse_order(std::string_view line);
 
-/// Lines as they come, without waiting for them. A terminal is read only while this process is in its foreground: else the
-/// system would stop it.
+/// Lines as they come, without waiting for them. A terminal is read only while this process is in
+/// its foreground: else the system would stop it.
 class LineInput {
  public:
   explicit LineInput(int file = STDIN_FILENO) : file_(file) {}

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-publisher: serves progressive models to any number of peers over DDS. Its verbs, their flags and their help.
+// nearmesh-publisher: serves progressive models to any number of peers over DDS. Its verbs, their
+// flags and their help.
 
 #include <CLI/CLI.hpp>
 #include <memory>

@@ -7,7 +7,8 @@
 
 namespace nearmesh::publisher::program {
 
-/// The share of [start_s, end_s] that lies before time_s: none before it, where one may go back to, and all behind. In [0, 1].
+/// The share of [start_s, end_s] that lies before time_s: none before it, where one may go back to,
+/// and all behind. In [0, 1].
 [[nodiscard]] inline double played_share(double time_s, double start_s, double end_s) {
   return std::clamp((time_s - start_s) / std::max(1e-9, end_s - start_s), 0.0, 1.0);
 }

@@ -74,8 +74,8 @@ void report_gaps(const RecordingReader& recording) {
     spdlog::warn("{}: {} samples are missing in the recording", topic, count);
 }
 
-/// What is happening, on standard error: one line that is renewed on a terminal, else a line now and then. What is being typed
-/// behind it stays.
+/// What is happening, on standard error: one line that is renewed on a terminal, else a line now
+/// and then. What is being typed behind it stays.
 class Progress {
  public:
   void show(double clock_s, Replay& replay) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// make-security and check-security: the files of DDS Security for a set of programs (docs/security.md).
+// make-security and check-security: the files of DDS Security for a set of programs
+// (docs/security.md).
 
 #include <cstdio>
 

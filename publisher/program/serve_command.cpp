@@ -139,7 +139,8 @@ Outcome run(const ServeOptions& options) {
   }
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);
-  // Before the bus is joined: of a large model it takes long the first time, and whoever stops it need not wait for that.
+  // Before the bus is joined: of a large model it takes long the first time, and whoever stops it
+  // need not wait for that.
   wire::program::end_on_signals();
   Result<std::vector<Served>> served = look_through(options);
   NEARMESH_RETURN_IF_ERROR(served);

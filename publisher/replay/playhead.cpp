@@ -127,7 +127,8 @@ Result<std::optional<Playhead::Due>> Playhead::take(double now_s) {
     next_id_ = end_id_;
     return std::optional<Due>();
   }
-  // Not time_s(): the last messages of a part of a recording are due, also where the clamp ends before them.
+  // Not time_s(): the last messages of a part of a recording are due, also where the clamp ends
+  // before them.
   const double late_s = now_s - (anchor_s_ + (due_s() - anchor_time_s_) / rate_);
   if (late_s < 0) return std::optional<Due>();
   return std::optional<Due>(pop(late_s));

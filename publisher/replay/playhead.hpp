@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where a replay is in its recording, and which message is due. Takes a recording and a clock, gives messages in order. It
-// knows nothing of what they mean; no DDS here.
+// Where a replay is in its recording, and which message is due. Takes a recording and a clock,
+// gives messages in order. It knows nothing of what they mean; no DDS here.
 
 #include <cstdint>
 #include <deque>
@@ -13,17 +13,18 @@ namespace nearmesh::publisher {
 
 struct PlayheadOptions {
   double rate = 1;  ///< recorded seconds a second; above 0
-  /// Seconds since the recording's begin: what is played is in [start_s, end_s). end_s < 0: to the last message.
+  /// Seconds since the recording's begin: what is played is in [start_s, end_s). end_s < 0: to the
+  /// last message.
   double start_s = 0, end_s = -1;
 };
 
-/// Messages come in the order of the recording, each when its receive time is due; where a receive time lies before that of
-/// an earlier message, as they do by milliseconds, it is due with that one.
-/// `now_s` is any steady clock. Threads: one at a time. Reads a few hundred messages ahead.
+/// Messages come in the order of the recording, each when its receive time is due; where a receive
+/// time lies before that of an earlier message, as they do by milliseconds, it is due with that
+/// one. `now_s` is any steady clock. Threads: one at a time. Reads a few hundred messages ahead.
 class Playhead {
  public:
-  /// Stands at start_s, and runs. The recording must outlive it, and hold a message.
-  /// Errors: kInvalidArgument (rate; times outside of the recording, with its range); those of the reader.
+  /// Stands at start_s, and runs. The recording must outlive it, and hold a message. Errors:
+  /// kInvalidArgument (rate; times outside of the recording, with its range); those of the reader.
   [[nodiscard]] static Result<Playhead> create(RecordingReader& recording,
                                                const PlayheadOptions& options, double now_s);
 
@@ -42,7 +43,8 @@ class Playhead {
   void pause(double now_s);
   void resume(double now_s);
   [[nodiscard]] bool is_paused() const { return paused_; }
-  /// To a time within [start, end]; what lies beyond is taken to the nearer. Runs on, or stays paused.
+  /// To a time within [start, end]; what lies beyond is taken to the nearer. Runs on, or stays
+  /// paused.
   [[nodiscard]] Status seek(double time_s, double now_s);
 
   /// The first message that is not played yet.

@@ -11,8 +11,8 @@
 namespace nearmesh::publisher {
 namespace {
 
-/// A peer asks again as soon as it is answered, if that did not help. Where the recording has nothing for it, it is told so
-/// only so often.
+/// A peer asks again as soon as it is answered, if that did not help. Where the recording has
+/// nothing for it, it is told so only so often.
 constexpr double kNothingPeriod_s = 0.1;
 
 }  // namespace

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Plays a recording to live peers: recorded samples go out as they were, when they are due, and live subscriptions to the
-// recorded publishers are answered with what had been delivered by then. Takes a recording, gives bytes to an outlet; knows
-// nothing of DDS.
-// What a peer that joins at a moment finds (hellos, headers, poses, detail) depends on the moment alone, however the replay
-// came there: played, sought, or looped. A seek back withdraws what was not yet said.
-// What no recorded peer was sent is not sent here either, unless the models' files are at hand: a live peer that needs it
-// says "uncertain".
-// A live peer with the id of a recorded one is refused: answers to it would mix with what the recorded one was sent.
+// Plays a recording to live peers: recorded samples go out as they were, when they are due, and
+// live subscriptions to the recorded publishers are answered with what had been delivered by then.
+// Takes a recording, gives bytes to an outlet; knows nothing of DDS.
+// What a peer that joins at a moment finds (hellos, headers, poses, detail) depends on the moment
+// alone, however the replay came there: played, sought, or looped. A seek back withdraws what was
+// not yet said. What no recorded peer was sent is not sent here either, unless the models' files
+// are at hand: a live peer that needs it says "uncertain".
+// A live peer with the id of a recorded one is refused: answers to it would mix with what the
+// recorded one was sent.
 
 #include <array>
 #include <cstdint>
@@ -25,8 +26,8 @@
 
 namespace nearmesh::publisher {
 
-/// Where a replay's samples go, and live subscriptions come from. Two implementations: DDS (dds_replay.cpp) and one in
-/// memory, in the tests. Streams are named by their place in the index.
+/// Where a replay's samples go, and live subscriptions come from. Two implementations: DDS
+/// (dds_replay.cpp) and one in memory, in the tests. Streams are named by their place in the index.
 class ReplayOutlet {
  public:
   virtual ~ReplayOutlet() = default;
@@ -80,18 +81,20 @@ class Replay {
          bool loop);
   ~Replay();
 
-  /// Live peers are answered from these files where they have the content, with all of its detail at any time: so new
-  /// trajectories that are flown against the recording get certified answers. Before begin(). Errors: those of the files.
-  /// Out: so many of the recorded contents have a file.
+  /// Live peers are answered from these files where they have the content, with all of its detail
+  /// at any time: so new trajectories that are flown against the recording get certified answers.
+  /// Before begin(). Errors: those of the files. Out: so many of the recorded contents have a file.
   [[nodiscard]] Result<std::size_t> serve_from(const ModelFolder& models);
   /// Sends what holds at the start. Errors: the reader's.
   [[nodiscard]] Status begin();
-  /// Sends what is due, at most kBurst messages, and answers live peers. Never blocks but on the disk.
+  /// Sends what is due, at most kBurst messages, and answers live peers. Never blocks but on the
+  /// disk.
   [[nodiscard]] Status step(double now_s);
-  /// Prepares answers to live peers, for some milliseconds; step() does so too. Live peers are answered when all is
-  /// prepared, which an hour of ten peers takes a second of.
+  /// Prepares answers to live peers, for some milliseconds; step() does so too. Live peers are
+  /// answered when all is prepared, which an hour of ten peers takes a second of.
   [[nodiscard]] Status prepare();
-  /// Blocks until something is due or came in, at most `seconds`; not while answers are to be prepared.
+  /// Blocks until something is due or came in, at most `seconds`; not while answers are to be
+  /// prepared.
   void wait(double seconds, double now_s);
   /// When paused: plays on up to the next pose, and with it.
   [[nodiscard]] Status step_to_pose(double now_s);

@@ -95,7 +95,8 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
           take(id, message);
           return true;
         }));
-    // All are of one part, and of one peer: the first that is not faulty tells of which. Where each is, nothing holds.
+    // All are of one part, and of one peer: the first that is not faulty tells of which. Where each
+    // is, nothing holds.
     is_told = is_of_part && latches_.contains({stream, recorded.name});
   }
   if (is_told) {

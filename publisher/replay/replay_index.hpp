@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What must be known of a recording to play it from anywhere: who wrote, which samples hold at a moment, and what detail of
-// the models had been delivered by then. Made from the recording's keys, without reading what holds nothing. No DDS here.
-// Moments are ids of messages: "at `end`" is when all messages before `end` have been played, and none from there on.
+// What must be known of a recording to play it from anywhere: who wrote, which samples hold at a
+// moment, and what detail of the models had been delivered by then. Made from the recording's keys,
+// without reading what holds nothing. No DDS here. Moments are ids of messages: "at `end`" is when
+// all messages before `end` have been played, and none from there on.
 
 #include <cstdint>
 #include <deque>
@@ -21,8 +22,9 @@
 
 namespace nearmesh::publisher {
 
-/// One writer to be. The parts of a recording count their writers anew: the same endpoint in two parts is one stream. So are
-/// the writers of one publisher's hello: had it joined twice, peers would take the second for an impostor.
+/// One writer to be. The parts of a recording count their writers anew: the same endpoint in two
+/// parts is one stream. So are the writers of one publisher's hello: had it joined twice, peers
+/// would take the second for an impostor.
 struct ReplayStream {
   wire::TopicPlace topic = 0;
   std::string partition;  ///< "" for none
@@ -35,10 +37,11 @@ struct ReplayStream {
 
 class ReplayIndex {
  public:
-  /// `topics`: what is to be played, last parts of names; empty: all. `progress`: told the share read, now and then; false
-  /// ends it. Samples that do not decode have a place in their stream and no other effect.
-  /// Errors: those of the reader; kUnsupported for another wire version; kInvalidArgument for a recording without
-  /// messages; kNotFound for a topic that is not in the recording.
+  /// `topics`: what is to be played, last parts of names; empty: all. `progress`: told the share
+  /// read, now and then; false ends it. Samples that do not decode have a place in their stream and
+  /// no other effect. Errors: those of the reader; kUnsupported for another wire version;
+  /// kInvalidArgument for a recording without messages; kNotFound for a topic that is not in the
+  /// recording.
   [[nodiscard]] static Result<std::unique_ptr<ReplayIndex>> build(
       RecordingReader& recording, const std::vector<std::string>& topics,
       const std::function<bool(double share)>& progress);
@@ -52,17 +55,19 @@ class ReplayIndex {
 
   [[nodiscard]] const std::set<wire::SessionId>& publishers() const { return publishers_; }
   [[nodiscard]] const std::set<wire::SessionId>& peers() const { return peers_; }
-  /// By content hash. Those with a header in the recording, where batches are wanted at all. Complete once all batches
-  /// were taken in.
+  /// By content hash. Those with a header in the recording, where batches are wanted at all.
+  /// Complete once all batches were taken in.
   [[nodiscard]] std::map<ContentHash, RecordedDetail>& details() { return details_; }
-  /// Takes in the next batches, at most `most`. Errors: the reader's; kIo where there is no memory for them.
+  /// Takes in the next batches, at most `most`. Errors: the reader's; kIo where there is no memory
+  /// for them.
   [[nodiscard]] Status take_batches(RecordingReader& recording, std::size_t most);
   [[nodiscard]] bool has_all_batches() const { return batches_.empty(); }
 
-  /// Messages that hold at `end`, ascending: the latest of each hello, header and pose, and requests that are not answered
-  /// in full. Cost: O(keys log messages).
+  /// Messages that hold at `end`, ascending: the latest of each hello, header and pose, and
+  /// requests that are not answered in full. Cost: O(keys log messages).
   [[nodiscard]] std::vector<std::int64_t> latched(std::int64_t end) const;
-  /// A message of each hello, header and pose of which there is none before `end`, though there is before `later`.
+  /// A message of each hello, header and pose of which there is none before `end`, though there is
+  /// before `later`.
   [[nodiscard]] std::vector<std::int64_t> not_yet(std::int64_t end, std::int64_t later) const;
 
  private:
@@ -91,8 +96,8 @@ class ReplayIndex {
   std::map<wire::SessionId, std::uint32_t> hello_stream_;
   std::map<ContentHash, RecordedDetail> details_;
   std::map<std::pair<std::uint32_t, std::string>, Latch> latches_;  // by stream and key
-  std::map<std::pair<std::string, ContentHash>, std::vector<Request>>
-      requests_;  // by the peer's partition and content
+  // By the peer's partition and content.
+  std::map<std::pair<std::string, ContentHash>, std::vector<Request>> requests_;
   /// That are not in the details yet: id and content, ascending.
   std::deque<std::pair<std::int64_t, ContentHash>> batches_;
   bool plays_batches_ = false;

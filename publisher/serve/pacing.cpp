@@ -9,7 +9,8 @@ namespace {
 /// Longer than a loss and its repair, so that one window that went smoothly is remembered.
 constexpr double kRatePeriod_s = 1;
 constexpr double kTripPeriod_s = 10;
-/// A shaper lets the first few datagrams after a pause through at once: what came in less time says nothing of the rate.
+/// A shaper lets the first few datagrams after a pause through at once: what came in less time says
+/// nothing of the rate.
 constexpr double kLeastInterval_s = 0.02;
 
 }  // namespace
@@ -53,7 +54,8 @@ void Pacing::sample(const Sent& batch, double now_s) {
   }
   trip_s_[1] = std::min(trip_s_[1], trip_s);
 
-  // The slower of sending and arriving: acknowledgements that come bunched must not look like a fast link.
+  // The slower of sending and arriving: acknowledgements that come bunched must not look like a
+  // fast link.
   const double interval_s =
       std::max({now_s - batch.delivered_s, batch.sent_s - batch.first_sent_s, kLeastInterval_s});
   const double rate = static_cast<double>(delivered_bytes_ - batch.delivered_bytes) / interval_s;

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How much may be under way to one peer: as much as keeps the narrowest link of the path busy, and little more. What waits
-// in front of that link cannot be overtaken by what is needed more, and what overflows there is lost; so it waits here.
-// Knows nothing but when batches were sent and acknowledged, hence works on any transport and any participant.
+// How much may be under way to one peer: as much as keeps the narrowest link of the path busy, and
+// little more. What waits in front of that link cannot be overtaken by what is needed more, and
+// what overflows there is lost; so it waits here. Knows nothing but when batches were sent and
+// acknowledged, hence works on any transport and any participant.
 //
-// window = rate x (least round trip + allowed queue). The rate is the greatest at which batches were delivered of late; as the
-// allowed queue keeps the link busy, a link that became faster shows as a greater rate, and one that became slower lowers
-// the greatest within two periods. Losses alone do not shrink the window: repairs delay, but deliver.
-// Source: Cardwell et al., BBR: Congestion-Based Congestion Control, ACM Queue 14 (2016): delivery-rate samples, those limited by
-// the sender marked, greatest rate and least round trip. Instead of phases of probing there is a small standing queue: an
-// answer ends within seconds, and the pause to the next request drains it.
+// window = rate x (least round trip + allowed queue). The rate is the greatest at which batches
+// were delivered of late; as the allowed queue keeps the link busy, a link that became faster shows
+// as a greater rate, and one that became slower lowers the greatest within two periods. Losses
+// alone do not shrink the window: repairs delay, but deliver. Source: Cardwell et al., BBR:
+// Congestion-Based Congestion Control, ACM Queue 14 (2016): delivery-rate samples, those limited by
+// the sender marked, greatest rate and least round trip. Instead of phases of probing there is a
+// small standing queue: an answer ends within seconds, and the pause to the next request drains it.
 
 #include <array>
 #include <cstddef>
@@ -19,15 +21,16 @@
 namespace nearmesh::publisher {
 
 struct PacingOptions {
-  /// Before anything is known: ten full batches, as TCP begins (RFC 6928). Most first answers are less, so that they come in one
-  /// round trip; a link of 0.25 Mbit/s takes 0.45 s for as much.
+  /// Before anything is known: ten full batches, as TCP begins (RFC 6928). Most first answers are
+  /// less, so that they come in one round trip; a link of 0.25 Mbit/s takes 0.45 s for as much.
   std::size_t initial_window_bytes = 14'000;
   std::size_t least_window_bytes = 2800;  ///< two full batches, so that a link is not idle between
   double allowed_queue_s = 0.05;          ///< or half the round trip, where that is longer
   double timeout_s = 1;                   ///< a batch unacknowledged for so long stops counting
 };
 
-/// Cost: constant a batch; memory: the batches under way. Seconds are of any steady clock. Threads: one at a time.
+/// Cost: constant a batch; memory: the batches under way. Seconds are of any steady clock. Threads:
+/// one at a time.
 class Pacing {
  public:
   explicit Pacing(const PacingOptions& options) : options_(options) {}
@@ -38,11 +41,13 @@ class Pacing {
   [[nodiscard]] bool may_send(std::size_t bytes) const;
   /// Sequences ascend.
   void sent(std::uint32_t sequence, std::size_t bytes, double now_s);
-  /// Nothing more waits to be sent, though the window has room: how fast that comes says little about the link.
+  /// Nothing more waits to be sent, though the window has room: how fast that comes says little
+  /// about the link.
   void ran_dry();
   /// All up to this one have come.
   void acknowledged(std::uint32_t sequence, double now_s);
-  /// Gives up waiting for what is overdue. The window is the least until something comes through again.
+  /// Gives up waiting for what is overdue. The window is the least until something comes through
+  /// again.
   void expire(double now_s);
 
   [[nodiscard]] std::size_t window_bytes() const;

@@ -17,26 +17,32 @@ namespace {
 constexpr int kMaxTurns = 128;
 /// Sent before requests are looked at again.
 constexpr int kMaxSent = 64;
-/// Answers that are being collected at a time, since each may take some 20 MB for it; and mirrors that are being made of peers' words, some 50 MB.
+/// Answers that are being collected at a time, since each may take some 20 MB for it; and mirrors
+/// that are being made of peers' words, some 50 MB.
 constexpr std::size_t kMaxCollecting = 8, kMaxMaking = 2;
 constexpr std::size_t kMaxRivals = 256;
-/// Requests of a peer that are not answered in full, before those for parts of worlds replace one another.
+/// Requests of a peer that are not answered in full, before those for parts of worlds replace one
+/// another.
 constexpr std::size_t kMaxOpenOfPeer = 128;
-/// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
+/// How often an answer that was begun may give way to another of the same model: faster than any
+/// peer's frames.
 constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
-/// Nodes that are done in a turn to make a mirror of a peer's word, or of what it was before it slept: some 0.2 ms, as other turns.
+/// Nodes that are done in a turn to make a mirror of a peer's word, or of what it was before it
+/// slept: some 0.2 ms, as other turns.
 constexpr std::size_t kToldATurn = 256;
-/// What a round of a certificate takes: a look, and each test. Most take a twentieth of other turns, so ten of them in a row are as much as one of a
-/// peer that asks for everything.
+/// What a round of a certificate takes: a look, and each test. Most take a twentieth of other
+/// turns, so ten of them in a row are as much as one of a peer that asks for everything.
 constexpr double kLook_s = 1e-5, kTest_s = 1e-7;
 /// To make a batch and send it.
 constexpr double kBatch_s = 5e-5;
-/// So much time a node passes before the next word of the peer counts, whether or not it was true, or one of its mirrors wakes, and so much may be
-/// owed. In such turns a split takes 0.8 to 0.9 us to be read, done and put into a tree, and up to 2 us where the file was not read so far (medians,
-/// models of 256 to 261,000 splits); a node with half-spaces takes 0.4 us, and 1.9 with eight. So the price is no less than the cost, and one peer's
-/// words take less than half of the time. As much as is taken of one model may be owed, 0.5 s: who holds 20,000 splits may say so 25 times a
-/// second, and does not wait.
+/// So much time a node passes before the next word of the peer counts, whether or not it was true,
+/// or one of its mirrors wakes, and so much may be owed. In such turns a split takes 0.8 to 0.9 us
+/// to be read, done and put into a tree, and up to 2 us where the file was not read so far
+/// (medians, models of 256 to 261,000 splits); a node with half-spaces takes 0.4 us, and 1.9 with
+/// eight. So the price is no less than the cost, and one peer's words take less than half of the
+/// time. As much as is taken of one model may be owed, 0.5 s: who holds 20,000 splits may say so 25
+/// times a second, and does not wait.
 constexpr double kToldNode_s = 2e-6, kToldAtOnce_s = kToldNode_s * MirrorMaker::kMostHeld;
 
 /// Whether a request asks for detail of this content.
@@ -139,8 +145,8 @@ WorldSource* Service::world_with(const ContentHash& content) const {
   return nullptr;
 }
 
-/// Of a model, or a tile, which stays open as long as somebody has it; null where peers are to ask for regions, or it cannot be opened: who asks for a
-/// region of it is told why.
+/// Of a model, or a tile, which stays open as long as somebody has it; null where peers are to ask
+/// for regions, or it cannot be opened: who asks for a region of it is told why.
 std::shared_ptr<ModelFile> Service::file_of(const ContentHash& content) {
   if (by_region_.contains(content)) return nullptr;
   if (const auto model = models_.find(content); model != models_.end())
@@ -196,8 +202,8 @@ void Service::take_requests(double now_s) {
     peer.last_request = subscription.request;
     ++stats_.requests;
     const Kind kind = kind_of(subscription);
-    // A request names the peer's unresolved nodes, or says what it holds, as that is now: it replaces what is open and what waits
-    // for its models. Audits stand apart.
+    // A request names the peer's unresolved nodes, or says what it holds, as that is now: it
+    // replaces what is open and what waits for its models. Audits stand apart.
     std::erase_if(peer.queue, [&](Waiting& waiting) {
       if ((waiting.kind == Kind::kAudit) != (kind == Kind::kAudit) ||
           !is_about(subscription, waiting.message.content_hash))
@@ -246,7 +252,8 @@ void Service::take_rivals(const Inbox& inbox) {
   has_news_of_rivals_ = has_news_of_rivals_ || !inbox.lost_rivals.empty() || !inbox.rivals.empty();
 }
 
-/// One line for each rival and name, when it begins. Peers that hold one content do not take another for it, so all must know.
+/// One line for each rival and name, when it begins. Peers that hold one content do not take
+/// another for it, so all must know.
 void Service::find_conflicts(std::vector<std::string>& lines) {
   if (!std::exchange(has_news_of_rivals_, false)) return;
   std::set<std::string> found;
@@ -283,7 +290,8 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
   conflicts_ = std::move(found);
 }
 
-/// The end when its queue is full enough at that urgency, or nothing is open that may go on, or begin where there is room for it.
+/// The end when its queue is full enough at that urgency, or nothing is open that may go on, or
+/// begin where there is room for it.
 Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& room) const {
   const auto rank = [](const Open& open) {
     return std::pair(open.subscription.priority, open.subscription.request);
@@ -301,8 +309,8 @@ Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& roo
     if (waiting.priority <= found->second.subscription.priority)
       queued_bytes += waiting.message.bytes.size() + kBatchFramingBytes;
   if (queued_bytes < kEnoughQueuedBytes) return found;
-  // An answer that is being collected goes on all the same: it adds nothing to the queue until it is through, and others wait for
-  // its place.
+  // An answer that is being collected goes on all the same: it adds nothing to the queue until it
+  // is through, and others wait for its place.
   return std::find_if(peer.open.begin(), peer.open.end(), [this](const auto& entry) {
     const Open& open = entry.second;
     return (open.is_collecting || open.is_making) && open.may_begin_s <= now_s_;
@@ -466,7 +474,8 @@ bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
   return true;
 }
 
-/// In turns, one batch each, so that a peer with much to send delays no other. Out: something was sent.
+/// In turns, one batch each, so that a peer with much to send delays no other. Out: something was
+/// sent.
 bool Service::send(double now_s) {
   int count = 0;
   for (bool sent = true; sent && count < kMaxSent;) {

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The publisher service: answers the region subscriptions of any number of peers from model files (or, in a
-// replay, from what was recorded of them).
-// Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
-// A peer says where its bodies are and the digest of what it holds. The service has a mirror of that state, or asks the peer for
-// it, and chooses what certifies the peer's answers (core/certificate). Where it cannot choose, the peer names its unresolved
-// nodes and a region. So a mirror is a memory that may be lost at any time, and a batch that was lost is simply asked for
-// again. What else it keeps of a peer is its pace, its newest requests, and the batches that wait for it.
-// No peer can take more than its share: an answer is made part by part, the peer that has had least of the time first, and only while
-// little of it waits to be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a
-// millisecond) for as much of their own, and no memory beyond the requests, what is sorted of one answer (262 kB) and kEnoughQueuedBytes
-// and a part of batches.
+// The publisher service: answers the region subscriptions of any number of peers from model files
+// (or, in a replay, from what was recorded of them).
+// Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS. A
+// peer says where its bodies are and the digest of what it holds. The service has a mirror of that
+// state, or asks the peer for it, and chooses what certifies the peer's answers (core/certificate).
+// Where it cannot choose, the peer names its unresolved nodes and a region. So a mirror is a memory
+// that may be lost at any time, and a batch that was lost is simply asked for again. What else it
+// keeps of a peer is its pace, its newest requests, and the batches that wait for it. No peer can
+// take more than its share: an answer is made part by part, the peer that has had least of the time
+// first, and only while little of it waits to be sent; so whoever asks for everything, floods
+// requests or reads slowly costs the others one part (AnswerMaker, below a millisecond) for as much
+// of their own, and no memory beyond the requests, what is sorted of one answer (262 kB) and
+// kEnoughQueuedBytes and a part of batches.
 // The channel bounds how many peers there are.
 // Source: the paper, section 3.3 (Server Collect VSplits).
 
@@ -47,13 +49,15 @@ class Service {
   /// The channel must outlive the service.
   Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
 
-  /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
-  /// this one; or none. `epoch`: and only from its beginning on, all in the same frame. Goes before an answerer of that content. Errors:
-  /// kInvalidArgument (name, or it would replace itself), kConflict (name taken).
+  /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content
+  /// under the name go over to this one; or none. `epoch`: and only from its beginning on, all in
+  /// the same frame. Goes before an answerer of that content. Errors: kInvalidArgument (name, or it
+  /// would replace itself), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file, ContentHash replaces = {},
                                  const wire::Epoch& epoch = {});
-  /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most OpenTiles::kMostTiles
-  /// tiles are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
+  /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most
+  /// OpenTiles::kMostTiles tiles are open. Errors: as add_model(); those of WorldSource::open(),
+  /// naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,
                                  ContentHash replaces = {}, const wire::Epoch& epoch = {});
   /// What a part takes, where it is not known better.
@@ -74,13 +78,14 @@ class Service {
   using Parts = std::function<Result<Part>()>;
   /// What answers requests for a model. A status that is not ok refuses.
   using Answerer = std::function<Result<Parts>(const RegionRequest&)>;
-  /// Requests for this content are answered so, and peers are told to ask for regions of it; it is announced elsewhere.
+  /// Requests for this content are answered so, and peers are told to ask for regions of it; it is
+  /// announced elsewhere.
   void add_answerer(const ContentHash& content_hash, Answerer answerer);
   /// Announces all models that were added by add_model(); call once they are.
   void announce();
-  /// Takes what arrived, makes and sends what credit allows, for some milliseconds at most. Never blocks. `now_s` is any
-  /// steady clock. Returns one line for refused requests, of each peer at most one in kRefusalPeriod_s, and for each
-  /// complaint of the channel, for the log.
+  /// Takes what arrived, makes and sends what credit allows, for some milliseconds at most. Never
+  /// blocks. `now_s` is any steady clock. Returns one line for refused requests, of each peer at
+  /// most one in kRefusalPeriod_s, and for each complaint of the channel, for the log.
   std::vector<std::string> step(double now_s);
   /// The last step() left something that could have been done: call it again without waiting.
   [[nodiscard]] bool is_behind() const { return is_behind_; }
@@ -125,8 +130,8 @@ class Service {
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    /// By content hash, none for all that are not served, for certificates, which are about several, and for parts of worlds
-    /// beyond kMaxOpenOfPeer; and kind.
+    /// By content hash, none for all that are not served, for certificates, which are about
+    /// several, and for parts of worlds beyond kMaxOpenOfPeer; and kind.
     std::map<std::pair<ContentHash, Kind>, Open> open;
     double served_s = 0;          ///< on the service's clock served_s_: when its turn is over
     std::uint64_t last_turn = 0;  ///< of equals the one whose last turn is longest ago is next

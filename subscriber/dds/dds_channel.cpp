@@ -71,7 +71,8 @@ void DdsChannel::Impl::tell_who(const wire::BodyDirectory& directory) {
   mailbox_.wake();
 }
 
-/// Whether there are own bodies of these numbers of which promises are made, or such of which none are. The mutex is held.
+/// Whether there are own bodies of these numbers of which promises are made, or such of which none
+/// are. The mutex is held.
 bool DdsChannel::Impl::names_bodies(std::uint32_t first, std::uint32_t count, bool promised) const {
   for (auto part = directory_.parts.lower_bound(first / wire::kBodiesPerPart);
        part != directory_.parts.end() && part->first <= (first + count - 1) / wire::kBodiesPerPart;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a DdsChannel is made of. The host's calls leave in queues what is to be sent, and take what has come (dds_channel.cpp). One thread of the
-// channel's own speaks with Fast DDS: it opens endpoints and sends (dds_channel_thread.cpp), and takes what comes (dds_channel_receive.cpp).
+// What a DdsChannel is made of. The host's calls leave in queues what is to be sent, and take what
+// has come (dds_channel.cpp). One thread of the channel's own speaks with Fast DDS: it opens
+// endpoints and sends (dds_channel_thread.cpp), and takes what comes (dds_channel_receive.cpp).
 
 #include <atomic>
 #include <chrono>
@@ -57,8 +58,8 @@ class DdsChannel::Impl {
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
-  /// What holds of the own bodies, by part: kept, for as a new participant it is said again. All that was said is sent, not the latest
-  /// alone: reports name the edition that they are about.
+  /// What holds of the own bodies, by part: kept, for as a new participant it is said again. All
+  /// that was said is sent, not the latest alone: reports name the edition that they are about.
   template <class Message>
   struct Kept {
     std::map<std::uint32_t, Message> parts;
@@ -172,14 +173,14 @@ class DdsChannel::Impl {
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
-  std::map<SessionId, std::size_t>
-      waiting_batches_;  ///< in the inbox; by who was asked, 0: of all others
+  /// In the inbox; by who was asked, 0: of all others.
+  std::map<SessionId, std::size_t> waiting_batches_;
   LruMap<SessionId, PoseCounts> tally_{kMaxWaitingOthers};  ///< what was heard of those heard last
   /// Parts of own bodies, of poses and of promises, of whose bodies something else was said.
   std::set<std::uint32_t> retold_poses_, retold_promises_;
   bool has_other_bodies_ = false;  ///< than the door was told
-  std::set<std::string>
-      not_told_;  ///< bodies that are moved here and not in DdsChannelOptions::moves
+  /// Bodies that are moved here and not in DdsChannelOptions::moves.
+  std::set<std::string> not_told_;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.

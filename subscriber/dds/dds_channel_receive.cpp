@@ -162,12 +162,13 @@ bool DdsChannel::Impl::receive_poses() {
   return more;
 }
 
-/// The session knows peers by their names alone: what a stranger wants, or does not, must not stand for what the peer does. A peer that
-/// joined anew before its old self is missed says it again.
+/// The session knows peers by their names alone: what a stranger wants, or does not, must not stand
+/// for what the peer does. A peer that joined anew before its old self is missed says it again.
 bool DdsChannel::Impl::is_of_its_peer(const wire::WantedPoses& wanted, const Handle& writer) {
   const wire::Wishers::Claim claim =
       wishers_.claim(wanted.peer, writer, std::chrono::steady_clock::now());
-  // Who contests a name may be who bears it, and gets by its own wish what goes out anyway. One that makes up names finds no room.
+  // Who contests a name may be who bears it, and gets by its own wish what goes out anyway. One
+  // that makes up names finds no room.
   if (claim != wire::Wishers::Claim::kFull)
     routes_.want(wanted, wire::Routes::participant_of(writer));
   if (claim == wire::Wishers::Claim::kOwn) return true;
@@ -180,8 +181,9 @@ bool DdsChannel::Impl::is_of_its_peer(const wire::WantedPoses& wanted, const Han
   return false;
 }
 
-/// The host takes poses and promises apart. So it could take what waits of a body that is gone for later than what came of the next of its
-/// name, and prove that one free by a promise that was made of another.
+/// The host takes poses and promises apart. So it could take what waits of a body that is gone for
+/// later than what came of the next of its name, and prove that one free by a promise that was made
+/// of another.
 void DdsChannel::Impl::drop_ended() {
   const std::set<std::string> ended = movers_.take_ended();
   if (ended.empty()) return;
@@ -225,7 +227,8 @@ void DdsChannel::Impl::deliver(std::vector<Message> Inbox::*list, Message&& mess
   complain_of_overflow(topic);
 }
 
-/// Of each publisher that was asked for something so many, of all others together as many: none takes another's place.
+/// Of each publisher that was asked for something so many, of all others together as many: none
+/// takes another's place.
 void DdsChannel::Impl::deliver_batch(wire::SplitBatchMessage&& batch) {
   {
     const std::lock_guard lock(mutex_);

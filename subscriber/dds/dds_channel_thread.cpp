@@ -15,7 +15,8 @@ namespace {
 constexpr double kIdleWait_s = 0.5;  ///< everything wakes the thread; this is a safety net
 constexpr double kNoMemoryWait_s = 0.1;
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
-/// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
+/// Batches are acknowledged together for so long, or until they are that share of the window: on
+/// thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
 
@@ -95,8 +96,8 @@ Status DdsChannel::Impl::open() {
   return open_holding();
 }
 
-/// Each endpoint is told to every participant, and costs both. So those that few scenes need are opened once somebody is there who uses
-/// them.
+/// Each endpoint is told to every participant, and costs both. So those that few scenes need are
+/// opened once somebody is there who uses them.
 void DdsChannel::Impl::open_what_is_of_use() {
   const auto open_if = [&](bool is_due, Status (Impl::*opening)()) {
     if (!is_due) return;
@@ -133,8 +134,8 @@ Status DdsChannel::Impl::open_promised() {
   return open(near_reader_, "", wire::Hearing::kLatest);
 }
 
-/// For pairs that bounds prove free. As answers are, they are written whether anybody listens or not: a recorder that comes late shall
-/// count what it missed.
+/// For pairs that bounds prove free. As answers are, they are written whether anybody listens or
+/// not: a recorder that comes late shall count what it missed.
 Status DdsChannel::Impl::open_bounding() {
   NEARMESH_RETURN_IF_ERROR(open(watched_writer_));
   return open(bounds_writer_);
@@ -250,12 +251,14 @@ void DdsChannel::Impl::tell_moved() {
                         "name it may never hear of it");
 }
 
-/// The last poses or promises of a part are kept for who joins later. Where all its bodies are gone, or are not such any more, they would be
-/// for good: between them and those of other parts Fast DDS tells such a reader of one gap that grows with each sample, of which doors let in
-/// kMaxGap a time (rtps_check.hpp), and whoever joins keeps what no directory names. Unregistered, not disposed of: then the writer keeps
-/// nothing of the part, as soon as all readers have heard of it. To readers that is no news. The directory's word that a part has no bodies
-/// stays, as does the watched bodies': a reader that stood still beyond its lease still believes the one before, and hears of it by what is
-/// kept alone. Out: as flush().
+/// The last poses or promises of a part are kept for who joins later. Where all its bodies are
+/// gone, or are not such any more, they would be for good: between them and those of other parts
+/// Fast DDS tells such a reader of one gap that grows with each sample, of which doors let in
+/// kMaxGap a time (rtps_check.hpp), and whoever joins keeps what no directory names. Unregistered,
+/// not disposed of: then the writer keeps nothing of the part, as soon as all readers have heard of
+/// it. To readers that is no news. The directory's word that a part has no bodies stays, as does
+/// the watched bodies': a reader that stood still beyond its lease still believes the one before,
+/// and hears of it by what is kept alone. Out: as flush().
 template <class Message>
 bool DdsChannel::Impl::end_silent_parts(const std::deque<Message>& queue,
                                         std::set<std::uint32_t>& retold,

@@ -15,8 +15,8 @@ using wire::Handle;
 using wire::Microseconds;
 
 constexpr std::size_t kMaxEchoesTaken = 256;
-constexpr std::size_t kMaxReplies =
-    1024;  ///< waiting to be sent; others' requests beyond are dropped
+/// Waiting to be sent; others' requests beyond are dropped.
+constexpr std::size_t kMaxReplies = 1024;
 constexpr double kRetry_s = 0.002;
 
 }  // namespace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The transport of a self-test: bytes to another process and back, reliable or best effort. What others ask to have echoed
-// is sent back by poll() itself.
+// The transport of a self-test: bytes to another process and back, reliable or best effort. What
+// others ask to have echoed is sent back by poll() itself.
 
 #include <memory>
 #include <string>
@@ -26,8 +26,8 @@ class DdsEcho {
   /// Sends. Best effort: at most once, of at most one datagram; else repaired until it arrives.
   /// Out: false when it could not be taken now. Bytes as wire::check wants them.
   [[nodiscard]] bool send(const wire::Echo& echo, bool best_effort);
-  /// Waits until something comes or the time is over; sends back what is not a reply. Out: all that came, others' requests
-  /// included.
+  /// Waits until something comes or the time is over; sends back what is not a reply. Out: all that
+  /// came, others' requests included.
   [[nodiscard]] std::vector<wire::Echo> poll(double seconds);
   /// Is another process matched in both directions, by both kinds?
   [[nodiscard]] bool is_matched() const;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which headers count: those that come from a participant whose hello announces their content. Anybody can write a header; only
-// who serves a content can say what it is. Fast DDS: for the rooms named dds alone.
+// Which headers count: those that come from a participant whose hello announces their content.
+// Anybody can write a header; only who serves a content can say what it is. Fast DDS: for the rooms
+// named dds alone.
 
 #include <map>
 #include <string>
@@ -31,8 +32,8 @@ class DdsHeaders {
 
   /// A hello that the host gets, and who wrote it.
   void announced(const wire::Hello& hello, const wire::Handle& writer);
-  /// The publisher is gone. Headers of its that the host has not taken wait again: Fast DDS does not repeat them when the same
-  /// writer is found again.
+  /// The publisher is gone. Headers of its that the host has not taken wait again: Fast DDS does
+  /// not repeat them when the same writer is found again.
   void lost(wire::SessionId publisher, std::vector<Counted> not_taken);
   void heard(wire::MeshHeader&& header, const wire::Handle& writer);
   void take(const std::vector<wire::ReaderListener::Match>& matches);

@@ -42,7 +42,8 @@ std::optional<SessionId> DdsHellos::lose(const wire::ReaderListener::Match& even
   memory_.lost(event.writer);
   const auto is_its = [&](const Said& said) { return said.writer == event.writer; };
   std::erase_if(waiting_, is_its);
-  // Who contested a session and left is nobody's writer any more: with the session it would keep that from who bears it.
+  // Who contested a session and left is nobody's writer any more: with the session it would keep
+  // that from who bears it.
   std::erase_if(contested_, is_its);
   const std::optional<SessionId> lost = book_.forget(event.writer, event.when);
   if (!lost) return lost;

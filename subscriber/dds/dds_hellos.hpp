@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which publishers there are, by their hellos and by the matches of those who write them: who speaks for which session, what each
-// said last, who was lost, who says nothing. Fast DDS: for the rooms named dds alone.
+// Which publishers there are, by their hellos and by the matches of those who write them: who
+// speaks for which session, what each said last, who was lost, who says nothing. Fast DDS: for the
+// rooms named dds alone.
 
 #include <optional>
 #include <set>
@@ -24,11 +25,13 @@ class DdsHellos {
 
   DdsHellos(wire::Mailbox& mailbox, std::string topic);
 
-  /// What came since the last call. The matches come first: a publisher that was lost and found again by now has said hello again,
-  /// and must be lost before that is heard, or the hello is forgotten with it. Out: the sessions that were lost.
+  /// What came since the last call. The matches come first: a publisher that was lost and found
+  /// again by now has said hello again, and must be lost before that is heard, or the hello is
+  /// forgotten with it. Out: the sessions that were lost.
   [[nodiscard]] std::vector<wire::SessionId> take(
       const std::vector<wire::ReaderListener::Match>& matches, std::vector<Heard> heard);
-  /// The hellos of publishers that can hear requests by now: each once, and after the loss of the one before.
+  /// The hellos of publishers that can hear requests by now: each once, and after the loss of the
+  /// one before.
   template <class CanHear>
   [[nodiscard]] std::vector<wire::Hello> release(CanHear can_hear) {
     std::vector<wire::Hello> released;

@@ -161,8 +161,9 @@ class DdsMonitor::Impl {
     std::uint64_t turn = 0;  ///< in which its writer was heard first
     double heard_s = 0;
   };
-  /// One of each session, by session: who was heard first of those that still give signs of life. Who joined anew is one of two until its old self
-  /// is missed, so that alone is no error; where two go on, one is a stranger.
+  /// One of each session, by session: who was heard first of those that still give signs of life.
+  /// Who joined anew is one of two until its old self is missed, so that alone is no error; where
+  /// two go on, one is a stranger.
   std::vector<std::pair<Handle, const Process*>> those_who_speak(
       std::vector<std::string>& claimed) const {
     const double since_s = clock_.seconds() - 3 * wire::kStatusPeriod_s;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Looks at a bus without taking part: who publishes what, what each process says of itself, and what is refused.
+// Looks at a bus without taking part: who publishes what, what each process says of itself, and
+// what is refused.
 
 #include <memory>
 #include <string>
@@ -29,15 +30,17 @@ struct RequestView {
   double age_s = 0;
 };
 
-/// What is known now. Lists are in the order of session ids; processes that left, or whose lease is over, are not in them.
+/// What is known now. Lists are in the order of session ids; processes that left, or whose lease is
+/// over, are not in them.
 struct BusView {
   std::vector<wire::Hello> publishers;
   std::vector<wire::ProcessStatus> processes;
-  /// What is wrong on the bus now and people must mend, one line each: one model name with two contents, a peer with
-  /// another content than is served, two processes that speak as one.
+  /// What is wrong on the bus now and people must mend, one line each: one model name with two
+  /// contents, a peer with another content than is served, two processes that speak as one.
   std::vector<std::string> errors;
-  /// Seen from here, one line each, in the order in which they were noticed: other wire versions and types, incompatible
-  /// QoS, malformed samples, publishers that were matched but are not heard.
+  /// Seen from here, one line each, in the order in which they were noticed: other wire versions
+  /// and types, incompatible QoS, malformed samples, publishers that were matched but are not
+  /// heard.
   std::vector<std::string> refusals;
   std::vector<RegionView> regions;    ///< by peer, body_a, body_b; where they are looked at
   std::vector<RequestView> requests;  ///< by peer and content; the same
@@ -46,8 +49,8 @@ struct BusView {
 /// Threads: one at a time.
 class DdsMonitor {
  public:
-  /// `regions`: also hear the answers and requests of all peers, which they then send once more. Nobody waits for it.
-  /// Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
+  /// `regions`: also hear the answers and requests of all peers, which they then send once more.
+  /// Nobody waits for it. Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<DdsMonitor>> create(
       const wire::TransportOptions& transport, bool regions = false);
   ~DdsMonitor();

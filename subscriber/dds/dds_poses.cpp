@@ -15,7 +15,8 @@ PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer, std::
   return {wire::Routes::participant_of(writer), peer, part};
 }
 
-/// As of bodies (body_book.hpp): on a secured bus an identity, which is more than one of its programs.
+/// As of bodies (body_book.hpp): on a secured bus an identity, which is more than one of its
+/// programs.
 Participant DdsPoses::speaker_of(const wire::Handle& writer) const {
   Participant speaker = wire::Routes::participant_of(writer);
   if (is_secured_) std::fill(speaker.begin() + wire::kIdentityBytes, speaker.end(), 0);
@@ -59,7 +60,8 @@ void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& 
     lose_teller(gone, is_barred);
 }
 
-/// It has fallen silent, or its lease is over. When it is found again Fast DDS does not send what was sent before.
+/// It has fallen silent, or its lease is over. When it is found again Fast DDS does not send what
+/// was sent before.
 void DdsPoses::lose_teller(const wire::Handle& writer, bool is_barred) {
   if (is_barred) {
     forget_teller(writer);
@@ -94,11 +96,13 @@ bool DdsPoses::is_absent(const wire::Handle& writer) const {
   return std::find(absent_.begin(), absent_.end(), writer) != absent_.end();
 }
 
-/// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins late hears of each.
+/// Nothing is kept of a part without bodies: in a long exercise a mover has had many, and who joins
+/// late hears of each.
 void DdsPoses::know(HeardDirectory&& heard) {
   const wire::BodyDirectory& directory = heard.directory;
-  // It claims no session, as poses and promises do: it may be a stranger's, and come first. It is kept all the same: a peer that joined anew says
-  // it once, and its old self may not be missed yet.
+  // It claims no session, as poses and promises do: it may be a stranger's, and come first. It is
+  // kept all the same: a peer that joined anew says it once, and its old self may not be missed
+  // yet.
   const bool is_of_absent = is_absent(heard.writer);
   const PartKey key = key_of(heard.writer, directory.peer, directory.part);
   const auto known = parts_.find(key);
@@ -127,7 +131,8 @@ void DdsPoses::know(HeardDirectory&& heard) {
   told_parts_.push_back(key);
 }
 
-/// Who removes a body moves it no more: its name is free again. One that is told otherwise was there all the time.
+/// Who removes a body moves it no more: its name is free again. One that is told otherwise was
+/// there all the time.
 void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
                              const std::vector<wire::BodyDirectory::Body>& now) {
   for (const wire::BodyDirectory::Body& body : before.bodies) {
@@ -205,7 +210,8 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
     if (auto waiting = unnamed_.extract(part)) name(std::move(*waiting), accepted);
   for (Heard& one : heard) name(std::move(one), accepted);
   if (std::exchange(has_released_, false)) accept_contested(accepted);
-  // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
+  // What a writer said before it went is taken before it is forgotten, or it would claim its bodies
+  // again.
   if (more || gone_movers_.empty()) return accepted;
   std::set<std::string> lost;
   for (const auto& gone : std::exchange(gone_movers_, {})) {
@@ -228,8 +234,8 @@ std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) 
   return accepted;
 }
 
-/// Whoever waited may have removed its body meanwhile: what it said of that would claim the name for a body that is not there, and the
-/// poses of one that is would be ignored.
+/// Whoever waited may have removed its body meanwhile: what it said of that would claim the name
+/// for a body that is not there, and the poses of one that is would be ignored.
 void DdsPoses::accept_contested(std::vector<wire::BodyPose>& accepted) {
   const auto is_told = [this](const wire::Handle& writer, wire::SessionId peer,
                               wire::BodyDirectory::Body& body) {

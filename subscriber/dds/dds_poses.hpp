@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whose poses of a body count: those of the peer that moved it first, until that is gone. What a pose's number stands for, the directory of
-// the same peer and participant says. The same holds for promises. A peer is known by the writer of its directory, whichever of its
-// writers speaks. A session is who spoke for it first, until that is gone: numbers of bodies, of links and of samples are the session's, so
-// what a stranger says in its name would stand among them.
+// Whose poses of a body count: those of the peer that moved it first, until that is gone. What a
+// pose's number stands for, the directory of the same peer and participant says. The same holds for
+// promises. A peer is known by the writer of its directory, whichever of its writers speaks. A
+// session is who spoke for it first, until that is gone: numbers of bodies, of links and of samples
+// are the session's, so what a stranger says in its name would stand among them.
 // Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
@@ -57,10 +58,11 @@ class DdsPoses {
   /// Directories that came since the last call; before the poses.
   void take_directories(const std::vector<wire::ReaderListener::Match>& matches,
                         std::vector<HeardDirectory> heard, bool more);
-  /// What came since the last call; `more`: some of it was not read yet. Out: the poses that count, in order. One line for each body
-  /// that another claims.
+  /// What came since the last call; `more`: some of it was not read yet. Out: the poses that count,
+  /// in order. One line for each body that another claims.
   [[nodiscard]] std::vector<wire::BodyPose> take(std::vector<Heard> heard, bool more);
-  /// Promises that came since the last call; before the poses. Out: as of poses, of take_promises().
+  /// Promises that came since the last call; before the poses. Out: as of poses, of
+  /// take_promises().
   void hear_promises(std::vector<HeardPromises> heard);
   /// Those that count, in order, since the last call; after take().
   [[nodiscard]] std::vector<wire::BodyPromise> take_promises() {
@@ -70,18 +72,21 @@ class DdsPoses {
   [[nodiscard]] std::vector<std::pair<wire::SessionId, wire::Handle>> take_movers() {
     return std::exchange(new_movers_, {});
   }
-  /// Whether nobody else than this writer's participant speaks for the session. On a secured bus all programs of an identity may.
+  /// Whether nobody else than this writer's participant speaks for the session. On a secured bus
+  /// all programs of an identity may.
   [[nodiscard]] bool may_speak_for(wire::SessionId session, const wire::Handle& writer) const;
   /// Samples in the name of a session that another speaks for, since the last call.
   [[nodiscard]] std::uint64_t take_refused() { return std::exchange(refused_, 0); }
   /// With a bus: nobody is known any more.
   void clear();
-  /// Adds what became of the bodies' movers since the last call: of each what holds now. Where more than `most` would wait, all that are there
-  /// take their place: nothing is lost however long the host takes nothing.
+  /// Adds what became of the bodies' movers since the last call: of each what holds now. Where more
+  /// than `most` would wait, all that are there take their place: nothing is lost however long the
+  /// host takes nothing.
   void tell_movers(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
   /// The same of bodies whose poses count that came, went or became other ones.
   void tell_bodies(Channel::Inbox& inbox, std::size_t most = wire::BodyBook::kMaxOfAll);
-  /// Bodies that somebody moved and moves no more, since the last call: what was said of them before take() counts no more.
+  /// Bodies that somebody moved and moves no more, since the last call: what was said of them
+  /// before take() counts no more.
   [[nodiscard]] std::set<std::string> take_ended() { return std::exchange(ended_, {}); }
 
  private:
@@ -107,12 +112,13 @@ class DdsPoses {
     wire::Handle writer;
     wire::BodyDirectory::Body body;
   };
-  /// What was said last of parts whose directory has not come. Of parts that are gone none comes any more, and in weeks there are many: those
-  /// that wait for longest make room.
+  /// What was said last of parts whose directory has not come. Of parts that are gone none comes
+  /// any more, and in weeks there are many: those that wait for longest make room.
   template <class Message>
   using UnnamedParts = LruMap<PartKey, Message, Participant>;  ///< by participant
   [[nodiscard]] Participant speaker_of(const wire::Handle& writer) const;
-  /// As may_speak_for(); from now on if not before. Where not, that is counted, and said once of each.
+  /// As may_speak_for(); from now on if not before. Where not, that is counted, and said once of
+  /// each.
   [[nodiscard]] bool claim_session(wire::SessionId session, const wire::Handle& writer);
   /// What is known of a body, and who tells it; nullptrs where nothing is.
   [[nodiscard]] std::pair<const wire::BodyDirectory::Body*, const Part*> find(
@@ -146,8 +152,8 @@ class DdsPoses {
   LruMap<std::pair<wire::SessionId, Participant>, std::monostate> strangers_{
       kMaxStrangers};  ///< of whom that was said
   std::uint64_t refused_ = 0;
-  std::vector<std::pair<wire::Handle, wire::Mover>>
-      gone_movers_;                         ///< not yet forgotten, and how they went
+  /// Not yet forgotten, and how they went.
+  std::vector<std::pair<wire::Handle, wire::Mover>> gone_movers_;
   std::map<std::string, Named> contested_;  ///< of bodies that another owns, the latest
   std::map<std::string, NamedPromise> contested_promises_;
   UnnamedParts<HeardPromises> unnamed_promises_{kMaxPartsOfOne, kMaxParts};  ///< the part is theirs
@@ -158,13 +164,14 @@ class DdsPoses {
   UnnamedParts<Heard> unnamed_{kMaxPartsOfOne, kMaxParts};
   std::vector<PartKey> told_parts_;  ///< whose directory came since poses were named
   std::vector<std::pair<wire::Handle, bool>> gone_tellers_;  ///< and whether each was barred
-  /// Writers of directories that fell silent or left, the first to go first. What they told is kept: Fast DDS says it once, and they may be found
-  /// again.
+  /// Writers of directories that fell silent or left, the first to go first. What they told is
+  /// kept: Fast DDS says it once, and they may be found again.
   std::deque<wire::Handle> absent_;
   std::set<wire::Handle> over_full_;  ///< of whom that was said
   std::vector<Channel::Inbox::Told> told_;
   bool has_released_ = false;  ///< a body, since poses were taken
-  /// Sessions that move bodies, by participant. Several may speak through one, as those of another site do through a router.
+  /// Sessions that move bodies, by participant. Several may speak through one, as those of another
+  /// site do through a router.
   LruMap<std::pair<wire::SessionId, Participant>, std::monostate, Participant> sources_{
       kMaxPartsOfOne, kMaxParts};
   std::map<std::string, Moved> moved_;  ///< bodies whose poses count

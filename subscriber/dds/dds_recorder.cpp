@@ -24,8 +24,8 @@ namespace {
 
 using wire::Handle;
 
-constexpr std::size_t kMaxRecordedAtOnce =
-    16384;                                 ///< of one topic, before the others have their turn
+/// Of one topic, before the others have their turn.
+constexpr std::size_t kMaxRecordedAtOnce = 16384;
 constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
@@ -33,15 +33,17 @@ constexpr double kNothingToStore_s = 0.5;
 constexpr std::size_t kMaxNames = 65536;        ///< of sessions
 constexpr std::size_t kMaxGoneWriters = 16384;  ///< that are remembered: some 3 MB
 constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
-/// Whoever says what it holds must be heard from then on: so long after the last writer was found, the other readers have
-/// found theirs. Where writers come all the time, it is not waited for longer.
+/// Whoever says what it holds must be heard from then on: so long after the last writer was found,
+/// the other readers have found theirs. Where writers come all the time, it is not waited for
+/// longer.
 constexpr auto kMatching = std::chrono::milliseconds(500);
 constexpr auto kMatchingAtMost = std::chrono::seconds(5);
-/// As long as no publisher is found, since one may be there: processes announce themselves each second.
+/// As long as no publisher is found, since one may be there: processes announce themselves each
+/// second.
 constexpr auto kFindingPublishers = std::chrono::milliseconds(1500);
 constexpr auto kBetweenAsking = std::chrono::seconds(2);
-constexpr auto kDiskWait =
-    std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
+/// How late a commit may be noticed to be due.
+constexpr auto kDiskWait = std::chrono::milliseconds(100);
 
 /// What the disk thread is to write: a message, or what is known to be missing before it.
 struct Entry {
@@ -308,7 +310,8 @@ void DdsRecorder::Impl::note_loss(std::uint32_t topic) {
   asks_ |= topics_[topic].place == wire::place_of<wire::SplitBatchMessage>();
 }
 
-/// A recorder says nothing: peers tell what they hold to each reader that is new, so it asks by making its reader anew.
+/// A recorder says nothing: peers tell what they hold to each reader that is new, so it asks by
+/// making its reader anew.
 void DdsRecorder::Impl::ask_if_due() {
   if (!asks_ || std::chrono::steady_clock::now() < may_ask_) return;
   asks_ = false;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a recorder remembers of those that it hears. In weeks more come and go than it shall keep: of those that are gone it forgets whom it has
-// missed for longest. For the rooms named dds alone.
+// What a recorder remembers of those that it hears. In weeks more come and go than it shall keep:
+// of those that are gone it forgets whom it has missed for longest. For the rooms named dds alone.
 
 #include <cstddef>
 #include <map>
@@ -18,7 +18,8 @@ namespace nearmesh::subscriber {
 template <class Known>
 class WriterBook {
  public:
-  /// A writer that is gone may be found again, as it was; and samples of it may be taken after it went.
+  /// A writer that is gone may be found again, as it was; and samples of it may be taken after it
+  /// went.
   explicit WriterBook(std::size_t most_gone) : gone_(most_gone) {}
 
   /// Made where nothing is known.
@@ -49,8 +50,9 @@ class WriterBook {
   LruMap<wire::Handle, Known> gone_;
 };
 
-/// A session says its name. Out: it is not among those in the recording, and will be. Where these are too many, the one that was silent for longest
-/// makes room: should it speak again, its name is recorded once more.
+/// A session says its name. Out: it is not among those in the recording, and will be. Where these
+/// are too many, the one that was silent for longest makes room: should it speak again, its name is
+/// recorded once more.
 [[nodiscard]] inline bool tells_name(LruMap<wire::SessionId, std::string>& told,
                                      wire::SessionId session, const std::string& name) {
   if (const std::string* const known = told.use(session); known != nullptr && *known == name)

@@ -239,7 +239,8 @@ class Ros2Bridge::Impl {
     ++counts_.taken;
   }
 
-  /// A line for each `what` in a while: whoever sends faults without end, each another, shall not fill a log.
+  /// A line for each `what` in a while: whoever sends faults without end, each another, shall not
+  /// fill a log.
   void refuse(const std::string& what, const std::string& why) {
     const auto now = std::chrono::steady_clock::now();
     {
@@ -262,7 +263,8 @@ class Ros2Bridge::Impl {
     {
       const std::lock_guard lock(mutex_);
       mesh_readers_.are_there = mesh_->listener.has_readers();
-      // A reader that is known here may not know of this writer yet, and then hears what comes later alone.
+      // A reader that is known here may not know of this writer yet, and then hears what comes
+      // later alone.
       const auto now = std::chrono::steady_clock::now();
       if (mesh_->listener.take_came()) {
         ++mesh_readers_.came;

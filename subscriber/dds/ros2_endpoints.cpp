@@ -16,7 +16,8 @@ namespace {
 using wire::fdds::DomainParticipantFactory;
 
 constexpr std::uint32_t kMaxDomain = 232;
-/// ROS 2's own programs send datagrams of that size, and Fast DDS reads none that are larger than what it sends.
+/// ROS 2's own programs send datagrams of that size, and Fast DDS reads none that are larger than
+/// what it sends.
 constexpr std::uint32_t kDatagramBytes = 65500;
 
 /// "tf2_msgs/msg/TFMessage": "tf2_msgs::msg::dds_::TFMessage_".

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Topics of ROS 2 on a participant of their own: bytes in and out, nothing of their types known. For the rooms named dds alone.
+// Topics of ROS 2 on a participant of their own: bytes in and out, nothing of their types known.
+// For the rooms named dds alone.
 
 #include <cstdint>
 #include <list>
@@ -34,7 +35,8 @@ class CdrType : public wire::OfEitherVersion<wire::fdds::TopicDataType> {
 /// Threads: one.
 class Ros2Endpoints {
  public:
-  /// What participants of this kind are called, followed by the peer's name: they do not move each other's bodies.
+  /// What participants of this kind are called, followed by the peer's name: they do not move each
+  /// other's bodies.
   static constexpr const char* kNamed = "nearmesh ros2 ";
 
   explicit Ros2Endpoints(wire::Mailbox& mailbox);
@@ -55,7 +57,8 @@ class Ros2Endpoints {
     wire::ReaderListener listener;
     wire::fdds::DataReader* reader = nullptr;
   };
-  /// In: the topic and type as ROS 2 writes them, "/tf" and "tf2_msgs/msg/TFMessage". Errors: kIo. What comes out lives as long as this.
+  /// In: the topic and type as ROS 2 writes them, "/tf" and "tf2_msgs/msg/TFMessage". Errors: kIo.
+  /// What comes out lives as long as this.
   [[nodiscard]] Result<Writer*> add_writer(const std::string& topic, const std::string& type,
                                            const wire::Delivery& delivery);
   [[nodiscard]] Result<Reader*> add_reader(const std::string& topic, const std::string& type,
@@ -63,7 +66,8 @@ class Ros2Endpoints {
 
   /// Out: it was taken.
   bool write(Writer& writer, std::vector<std::uint8_t> cdr);
-  /// Takes one sample. Out: false when there is none; `cdr` is empty for one that is to be left alone: a dispose, or one of our kind's.
+  /// Takes one sample. Out: false when there is none; `cdr` is empty for one that is to be left
+  /// alone: a dispose, or one of our kind's.
   [[nodiscard]] bool take(Reader& reader, std::vector<std::uint8_t>& cdr);
 
  private:

@@ -16,8 +16,8 @@ constexpr double kLeastWindow = 2000;  // a batch and its frame
 
 }  // namespace
 
-// Certified answers rest on these numbers: boxes that a negative margin shrinks, or that are of no number at all, would prove
-// bodies free that touch.
+// Certified answers rest on these numbers: boxes that a negative margin shrinks, or that are of no
+// number at all, would prove bodies free that touch.
 Status check(const SessionOptions& options) {
   const FloatGuard guard;
   struct Range {

@@ -17,11 +17,12 @@ class ContactBook {
     bool is_all = false;                 ///< certified: there are no others
     Pose pose_a, pose_b;                 ///< what was asked about; unused without contacts
   };
-  /// What became of each contact: those of `seen`, in the order of its patches, then those of before that are not among them.
-  /// `ids` is set to those of the patches. New ones take `next_id` and raise it.
-  /// A patch is one of before, first, if they share pairs of faces, then if they share a face of either body, then if
-  /// it is no farther from where both bodies have carried that one than both reach and B has moved against A. Of several the one that shares
-  /// most, or is nearest. Cost: O(n log n) in pairs, and old times new contacts.
+  /// What became of each contact: those of `seen`, in the order of its patches, then those of
+  /// before that are not among them. `ids` is set to those of the patches. New ones take `next_id`
+  /// and raise it. A patch is one of before, first, if they share pairs of faces, then if they
+  /// share a face of either body, then if it is no farther from where both bodies have carried that
+  /// one than both reach and B has moved against A. Of several the one that shares most, or is
+  /// nearest. Cost: O(n log n) in pairs, and old times new contacts.
   void follow(const Seen& seen, std::uint64_t& next_id, std::vector<std::uint64_t>& ids,
               std::vector<ContactEvent>& events);
   /// All are over.

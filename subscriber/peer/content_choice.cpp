@@ -26,7 +26,8 @@ std::string served(std::span<const Offer> offers, const std::vector<ContentHash>
   return text;
 }
 
-/// What replaces the content, whatever replaces that, and so on; itself where that leads nowhere, or in a circle.
+/// What replaces the content, whatever replaces that, and so on; itself where that leads nowhere,
+/// or in a circle.
 ContentHash newest(std::span<const Offer> offers, const ContentHash& content) {
   ContentHash at = content;
   for (std::size_t i = 0; i <= offers.size(); ++i) {

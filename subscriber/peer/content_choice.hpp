@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which content a model's name stands for at a peer, and why. What is held stays while a publisher of it is there; it changes only
-// by an act: a publisher that says that it replaces it, an epoch that begins, or the end of its last publisher.
+// Which content a model's name stands for at a peer, and why. What is held stays while a publisher
+// of it is there; it changes only by an act: a publisher that says that it replaces it, an epoch
+// that begins, or the end of its last publisher.
 
 #include <span>
 #include <string>
@@ -26,8 +27,9 @@ struct ContentChoice {
   ContentHash coming;    ///< of the next epoch, to be fetched before it begins; or none
 };
 
-/// `offers`: of all publishers that are there, in an order that is the same each time (the ids'). `time_s`: of the frame, on the
-/// exercise's clock. Among peers that hear the same offers, epochs begin in the same frame, whatever each held before.
+/// `offers`: of all publishers that are there, in an order that is the same each time (the ids').
+/// `time_s`: of the frame, on the exercise's clock. Among peers that hear the same offers, epochs
+/// begin in the same frame, whatever each held before.
 [[nodiscard]] ContentChoice choose_content(const KnownContent& known,
                                            std::span<const wire::Offer> offers, double time_s);
 

@@ -14,7 +14,8 @@
 namespace nearmesh::subscriber {
 namespace {
 
-// kMagic, the wire version, the content; each batch behind its length; the checksum of all that. Little-endian.
+// kMagic, the wire version, the content; each batch behind its length; the checksum of all that.
+// Little-endian.
 constexpr std::string_view kMagic = "nearmesh detail\n";
 constexpr std::size_t kMaxFileBytes =
     kMagic.size() + 26 + kMaxCachedBytes + kMaxCachedBatches * sizeof(std::uint16_t);

@@ -23,8 +23,8 @@ class FrameBudget {
   Stopwatch spent_;
 };
 
-/// So many tests of a look ahead fit. A look is no answer: it may end where time does, with what matters soonest. Never so few that
-/// it sees nothing.
+/// So many tests of a look ahead fit. A look is no answer: it may end where time does, with what
+/// matters soonest. Never so few that it sees nothing.
 inline constexpr double kLeastTests = 2'000, kTest_s = 1e-7;
 [[nodiscard]] inline std::uint64_t tests_within(double left_s, double test_s = kTest_s) {
   return static_cast<std::uint64_t>(
@@ -34,8 +34,8 @@ inline constexpr double kLeastTests = 2'000, kTest_s = 1e-7;
 /// After so many updates without one there is a look ahead whatever time is left.
 inline constexpr std::uint64_t kPatientLooks = 8;
 
-/// What something took of late: a mean that falls slowly, and rises by the share that is given. Where it must not be overrun, at
-/// once. What comes in some updates only falls more slowly.
+/// What something took of late: a mean that falls slowly, and rises by the share that is given.
+/// Where it must not be overrun, at once. What comes in some updates only falls more slowly.
 class ExpectedCost {
  public:
   explicit ExpectedCost(double rise = 1, double fall = 1.0 / 8) : rise_(rise), fall_(fall) {}

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Jobs on threads of the host's. What it does not keep of its word is made good: a job that it leaves out is run afterwards, one that it
-// runs twice is run once. And nothing that one side throws passes through the frames of the other, where it would end a thread of the
-// host's, and so the process, or leave the session half-way.
+// Jobs on threads of the host's. What it does not keep of its word is made good: a job that it
+// leaves out is run afterwards, one that it runs twice is run once. And nothing that one side
+// throws passes through the frames of the other, where it would end a thread of the host's, and so
+// the process, or leave the session half-way.
 
 #include <atomic>
 #include <cstddef>
@@ -23,7 +24,8 @@ class HostJobs {
   HostJobs(std::size_t count, const std::function<void(std::size_t)>& job)
       : job_(job), states_(count) {}
 
-  /// All of them, each once. Out: what the host threw; null: nothing. Throws what the first job that threw did.
+  /// All of them, each once. Out: what the host threw; null: nothing. Throws what the first job
+  /// that threw did.
   [[nodiscard]] std::exception_ptr run_on(const RunJobs& host) {
     std::exception_ptr fault_of_host;
     try {

@@ -39,7 +39,8 @@ struct LocalChannel::World {
   std::unique_ptr<WorldSource> source;
 };
 
-/// How long steps take: so much a test, and up to so much more, for a step may end later than its tests.
+/// How long steps take: so much a test, and up to so much more, for a step may end later than its
+/// tests.
 struct LocalChannel::Pace {
   ExpectedCost test{0.5, 1.0 / 16}, beyond{1, 1.0 / 32};
 
@@ -49,7 +50,8 @@ struct LocalChannel::Pace {
     return subscriber::tests_within(left_s - beyond.seconds(),
                                     std::max(test.seconds(), kTest_s / 4));
   }
-  /// A step that was interrupted says nothing of those that follow: believed, it would keep them waiting.
+  /// A step that was interrupted says nothing of those that follow: believed, it would keep them
+  /// waiting.
   void note(std::uint64_t tests, double took_s) {
     constexpr double kMostBeyond_s = 1e-3;
     const auto count = static_cast<double>(tests);
@@ -98,7 +100,8 @@ Status LocalChannel::add_world(const std::string& name, const std::string& folde
   return Status::ok();
 }
 
-/// Of a model or a tile; null where there is none, or it cannot be opened: who asks for a region of it is told why.
+/// Of a model or a tile; null where there is none, or it cannot be opened: who asks for a region of
+/// it is told why.
 std::shared_ptr<ModelFile> LocalChannel::file_of(const ContentHash& content) const {
   if (const auto model = models_.find(content); model != models_.end()) return model->second.file;
   for (const World& world : worlds_) {

@@ -22,16 +22,19 @@ class PeerWorld {
   [[nodiscard]] const WorldPage* root() const { return root_ ? &*root_ : nullptr; }
   /// It is not here, and did not come as what is no root of this world.
   [[nodiscard]] bool wants_root() const { return !root_ && !faulty_.contains(record_.root); }
-  /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by tiles_around(). Out: the root came.
+  /// In: bytes that have the digest `content`. What is no page of this world is remembered as such,
+  /// and said by tiles_around(). Out: the root came.
   bool take_page(const ContentHash& content, std::span<const std::uint8_t> bytes);
   /// Pages go by their content: those that the world before shares with this one are here then.
   void keep_pages_of(PeerWorld&& before);
   /// Of the root page's boxes. Precondition: there is a root.
   [[nodiscard]] ModelBounds bounds() const;
   [[nodiscard]] GridBox box() const;
-  /// The page of an entry, checked, null if it is not here; it counts as used at that time. Errors: what was announced or came is no page of this world.
+  /// The page of an entry, checked, null if it is not here; it counts as used at that time. Errors:
+  /// what was announced or came is no page of this world.
   [[nodiscard]] Result<const WorldPage*> page(const WorldEntry& entry, int level, double time_s);
-  /// As find_tiles_around(), from the pages that are here; they count as used at that time. Precondition: there is a root.
+  /// As find_tiles_around(), from the pages that are here; they count as used at that time.
+  /// Precondition: there is a root.
   [[nodiscard]] Result<TilesAround> tiles_around(const RelativeFrame& body_in_world,
                                                  const GridBox& body, std::uint32_t reach_cells,
                                                  double time_s);

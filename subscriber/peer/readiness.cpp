@@ -19,7 +19,8 @@ namespace {
 
 constexpr auto kPause = std::chrono::milliseconds(2);  ///< about what an answer takes on a LAN
 
-/// The box's cells, rounded outward by one more: the division by a power of two is exact, the subtraction is not.
+/// The box's cells, rounded outward by one more: the division by a power of two is exact, the
+/// subtraction is not.
 GridBox cells_around(const Grid& grid, const std::array<double, 3>& lo_m,
                      const std::array<double, 3>& hi_m) {
   // Far beyond any box of a model, and still an integer.

@@ -64,7 +64,8 @@ void ReplicaSet::remove(const std::string& name) {
   models_.erase(at);
 }
 
-/// Tiles come and go as bodies move: who has lied of one is not asked again when it comes back, and what was not proved of it counts then.
+/// Tiles come and go as bodies move: who has lied of one is not asked again when it comes back, and
+/// what was not proved of it counts then.
 void ReplicaSet::note_gone(const PeerModel& model) {
   if (!model.is_ready()) return;
   begins_in_ = ++last_era_;

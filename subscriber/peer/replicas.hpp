@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The models of a peer: which content a name stands for, the replica and its tree, and the batches that wait.
+// The models of a peer: which content a name stands for, the replica and its tree, and the batches
+// that wait.
 
 #include <deque>
 #include <functional>
@@ -21,8 +22,8 @@
 
 namespace nearmesh::subscriber {
 
-/// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a publisher serves
-/// (kMaxModels), and together no more than this.
+/// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a
+/// publisher serves (kMaxModels), and together no more than this.
 inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// Contents of which nothing can be taken. Of more the first are asked for again.
 inline constexpr std::size_t kMaxRefusedContents = 4096;
@@ -96,12 +97,13 @@ struct PeerModel {
   WaitingBatches waiting;
   bool lacks_batches = false;         // some did not find a place, that recorders count as taken in
   std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
-  /// The publisher that was told last where bodies of this model are: it knows what is held, unless something came or went since
-  /// that it did not choose. Then it is told with the next request, if that is not too much.
+  /// The publisher that was told last where bodies of this model are: it knows what is held, unless
+  /// something came or went since that it did not choose. Then it is told with the next request, if
+  /// that is not too much.
   wire::SessionId told = 0;
   bool tells_held = false, is_too_much_to_tell = false;
-  double by_region_until_s =
-      0;  // by the session's clock: a request about it and others was refused
+  // By the session's clock: a request about it and others was refused.
+  double by_region_until_s = 0;
 
   /// What probes lack, until it has been asked for.
   struct Probed {
@@ -142,14 +144,16 @@ struct PeerModel {
   [[nodiscard]] bool is_held() const { return is_ready() || world.has_value(); }
 };
 
-/// T_L, T_R and T_B go to the report. Of a publisher whose batches are damaged on their way, or contradict the model, one
-/// complaint each is made.
+/// T_L, T_R and T_B go to the report. Of a publisher whose batches are damaged on their way, or
+/// contradict the model, one complaint each is made.
 class ReplicaSet {
  public:
   /// For a body that has it.
   PeerModel& add(const std::string& name);
-  /// No body has it any more. As many such models as a publisher serves stay, for bodies come back and recordings count their batches; of more, which
-  /// other peers may name in weeks, those that were left first go. Nothing stays of one without a header. Out: the contents of models that are gone.
+  /// No body has it any more. As many such models as a publisher serves stay, for bodies come back
+  /// and recordings count their batches; of more, which other peers may name in weeks, those that
+  /// were left first go. Nothing stays of one without a header. Out: the contents of models that
+  /// are gone.
   std::vector<ContentHash> leave(PeerModel& model);
   [[nodiscard]] PeerModel* find(const std::string& name);
   [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
@@ -157,8 +161,8 @@ class ReplicaSet {
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
-  /// What the model's name stands for from now on, or nothing. Another content than before drops the replica. Returns the size of
-  /// a header that had waited for it and is used now.
+  /// What the model's name stands for from now on, or nothing. Another content than before drops
+  /// the replica. Returns the size of a header that had waited for it and is used now.
   std::size_t assign(PeerModel& model, const ContentHash& content,
                      std::vector<std::string>& complaints);
   /// Fetches ahead of an epoch what its content will need first; or of none.
@@ -166,26 +170,31 @@ class ReplicaSet {
   /// The worlds of these contents, once their headers are here.
   void prepare_coming();
   [[nodiscard]] PeerWorld* find_coming(const ContentHash& content);
-  /// Before a header is kept for a model that no body uses yet: where there is no room for it those make some that came first of contents that
-  /// nobody serves now. In weeks there are many of them, and their publishers, where they come back, send headers with their hellos.
+  /// Before a header is kept for a model that no body uses yet: where there is no room for it those
+  /// make some that came first of contents that nobody serves now. In weeks there are many of them,
+  /// and their publishers, where they come back, send headers with their hellos.
   void make_room_for(const wire::MeshHeader& header,
                      const std::function<bool(const ContentHash&)>& is_served);
-  /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
-  /// One that contradicts itself is complained of once, and nothing is taken of that content any more; of a tile any that cannot be taken,
-  /// since tiles are asked for until they are here.
+  /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size
+  /// if it was used. One that contradicts itself is complained of once, and nothing is taken of
+  /// that content any more; of a tile any that cannot be taken, since tiles are asked for until
+  /// they are here.
   std::size_t take_header(const Channel::Header& header, std::vector<std::string>& complaints);
   [[nodiscard]] bool is_refused(const ContentHash& content) const {
     return refused_.find(content) != nullptr;
   }
   /// So many contents were refused, ever.
   [[nodiscard]] std::uint64_t refused_count() const { return refused_count_; }
-  /// A batch of a content that is not here. What answers an audit of it that was open when it went proves nothing, and refutes nothing.
+  /// A batch of a content that is not here. What answers an audit of it that was open when it went
+  /// proves nothing, and refutes nothing.
   void note_unread(const wire::SplitBatchMessage& message);
-  /// Begins an era of each model of which detail was given up since the last call, or batches found no place.
+  /// Begins an era of each model of which detail was given up since the last call, or batches found
+  /// no place.
   void note_given_up();
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
-  /// What is taken in from here on is kept there, and what was kept waits to be taken in once a header is there.
+  /// What is taken in from here on is kept there, and what was kept waits to be taken in once a
+  /// header is there.
   void use_cache(std::string folder) { cache_folder_ = std::move(folder); }
   void read_caches(std::vector<std::string>& complaints);
   /// Replaces files that lack something. Errors: the last of those of write_cached().
@@ -193,8 +202,8 @@ class ReplicaSet {
 
  private:
   std::map<std::string, PeerModel> models_;
-  std::map<std::pair<ContentHash, std::string>, PeerModel*>
-      by_content_;  // those that have one, and their names
+  // Those that have one, and their names.
+  std::map<std::pair<ContentHash, std::string>, PeerModel*> by_content_;
   struct Spare {
     Channel::Header header;
     std::uint64_t came = 0;  // in this turn
@@ -217,8 +226,8 @@ class ReplicaSet {
   LruMap<std::pair<ContentHash, wire::SessionId>, std::monostate> distrusted_{kMaxDistrusted};
   LruMap<ContentHash, PeerModel::Audit> gone_audits_{kMaxDistrusted};
   std::uint32_t last_era_ = 0;
-  std::uint32_t begins_in_ =
-      0;  // a replica: the era when one was dropped last, for it may be of the same content
+  // A replica: the era when one was dropped last, for it may be of the same content.
+  std::uint32_t begins_in_ = 0;
 };
 
 }  // namespace nearmesh::subscriber

@@ -16,8 +16,9 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// An own body at rest is published again after this share of max_pose_age_s: of the rest half may be lost on the way, and
-/// the frames of neither side need to be frequent. After kRepeat_s at most, since whoever joins has no pose until then.
+/// An own body at rest is published again after this share of max_pose_age_s: of the rest half may
+/// be lost on the way, and the frames of neither side need to be frequent. After kRepeat_s at most,
+/// since whoever joins has no pose until then.
 constexpr double kRepeatShare = 0.25, kRepeat_s = 0.5;
 
 }  // namespace
@@ -126,7 +127,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const std::uint32_t part : std::exchange(impl.unserved_parts, {}))
     impl.publish(part, frame, true);
   impl.replicas.read_caches(report.complaints);
-  // What comes after it is to have its time: half of all, and of the end of the update, if it needs that.
+  // What comes after it is to have its time: half of all, and of the end of the update, if it needs
+  // that.
   const double answers_s =
       std::min(impl.answers_cost.seconds(), (budget_s + impl.ending_s(budget)) / 2);
   const auto apply_one = [&] {
@@ -167,8 +169,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   return report;
 }
 
-/// Mesh and tree of a model may have parted in an update that was left by an exception, or what is kept of a pair and its bodies in another
-/// call: answers from them would be certified, and wrong.
+/// Mesh and tree of a model may have parted in an update that was left by an exception, or what is
+/// kept of a pair and its bodies in another call: answers from them would be certified, and wrong.
 Status Session::Impl::check_whole() const {
   if (!is_half_way) return Status::ok();
   return {StatusCode::kConflict,
@@ -208,8 +210,8 @@ void Session::Impl::tell_directory() {
   }
 }
 
-/// All of the part that have a pose: the sample stands for those before it. Of bodies that promises are made of, those that somebody
-/// wants, apart; recorders hear them all.
+/// All of the part that have a pose: the sample stands for those before it. Of bodies that promises
+/// are made of, those that somebody wants, apart; recorders hear them all.
 void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_near) {
   wire::BodyPoses poses{.peer = channel->own_id(), .part = part, .frame = frame};
   const wire::NearPoses none{poses};
@@ -243,7 +245,8 @@ void Session::Impl::note_recorder() {
     if (own->max_speed_mps > 0) unserved_parts.insert(part_of(*own));
 }
 
-/// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.
+/// A body in place is where it is, and so is an own one at rest until the host moves it: their
+/// poses are of now.
 wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
   wire::PoseStamp stamp = body.stamp;
   if (body.is_placed || (body.own && body.motion && is_at_rest(*body.motion)))
@@ -261,8 +264,8 @@ bool Session::Impl::may_meet(const Pair& pair) const {
   return box_of(*pair.a).meets(box_of(*pair.b));
 }
 
-/// All detail of models that nothing was near for long, as tiles are given up. With a cache it stays, for what came out of one does not
-/// come again.
+/// All detail of models that nothing was near for long, as tiles are given up. With a cache it
+/// stays, for what came out of one does not come again.
 void Session::Impl::give_up_unused(FrameReport& report) {
   constexpr double kBetweenLooks_s = 1;
   if (!options.cache_folder.empty() || std::abs(time_s - looked_for_use_s) < kBetweenLooks_s)
@@ -346,7 +349,8 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 
 }  // namespace
 
-/// What the host's scheduler throws is kept until the update is over; it is not called again before.
+/// What the host's scheduler throws is kept until the update is over; it is not called again
+/// before.
 void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) {
   if (options.run_jobs && count > 1 && !fault_of_host) {
     fault_of_host = HostJobs(count, job).run_on(options.run_jobs);
@@ -372,7 +376,8 @@ AskedBody Session::Impl::asked_body_of(const Body& body) const {
   return {body.view(), *body.motion, body.name, body.solid, wire::age_s(stamp_of(body), time_s)};
 }
 
-// Changes nothing of the session's, so that pairs may be asked at once. `take_turn` is called where it could be asked.
+// Changes nothing of the session's, so that pairs may be asked at once. `take_turn` is called where
+// it could be asked.
 void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked_pair,
                              const std::function<Turn()>& take_turn, const IsOver& is_over) const {
   result.a = pair.a->id;

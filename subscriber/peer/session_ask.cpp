@@ -32,8 +32,8 @@ std::span<const std::uint32_t> Session::Impl::places_of(const PeerModel& model) 
   return at->second;
 }
 
-// Where, in a model's grid, all bodies are that a body of that model is watched against; of what is not certified,
-// the rays instead where only the inside of a solid is undecided.
+// Where, in a model's grid, all bodies are that a body of that model is watched against; of what is
+// not certified, the rays instead where only the inside of a solid is undecided.
 RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                      const FrameReport& report, Scope scope) {
   std::vector<RegionPart> rays;
@@ -96,8 +96,8 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const Fra
   return kept;
 }
 
-// Of those that serve it, and did not contradict it, the one that left the fewest requests in a row unanswered; among these
-// the one that this peer prefers.
+// Of those that serve it, and did not contradict it, the one that left the fewest requests in a row
+// unanswered; among these the one that this peer prefers.
 Publisher* Session::Impl::publisher_of(const ContentHash& content, const ContentHash& and_too) {
   Publisher* best = nullptr;
   std::uint64_t best_preference = 0;
@@ -120,7 +120,8 @@ Publisher* Session::Impl::publisher_of(const ContentHash& content, const Content
   return best;
 }
 
-// Whether one that is there has contradicted a model: nobody is left to ask where publisher_of() finds none.
+// Whether one that is there has contradicted a model: nobody is left to ask where publisher_of()
+// finds none.
 bool Session::Impl::is_contradicted(const PeerModel& model) const {
   return model.is_ready() &&
          std::any_of(publishers.begin(), publishers.end(),
@@ -189,7 +190,8 @@ void Session::Impl::send_request(const Publisher& publisher, std::uint8_t priori
   channel->send(request);
 }
 
-// `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the region.
+// `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the
+// region.
 bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                             std::vector<NodeSpan> missing, std::uint8_t priority) {
   Publisher* publisher = publisher_of(model.content_hash);
@@ -207,7 +209,8 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   return true;
 }
 
-// Which of the pairs that nobody chooses for lack something soon. After what is needed now was asked for.
+// Which of the pairs that nobody chooses for lack something soon. After what is needed now was
+// asked for.
 void Session::Impl::look_ahead_by_region(const FrameBudget& budget, const FrameReport& report) {
   std::vector<Candidate> looks;
   for (std::size_t i = 0; i < listed.size(); ++i) {
@@ -225,8 +228,8 @@ void Session::Impl::look_ahead_by_region(const FrameBudget& budget, const FrameR
   }
 }
 
-// What the swept answers lack, and what else may be met within the horizon: all of it once something of it is lacked soon, for fewer and
-// fuller batches than a little in each frame.
+// What the swept answers lack, and what else may be met within the horizon: all of it once
+// something of it is lacked soon, for fewer and fuller batches than a little in each frame.
 void Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
   std::vector<Pair*> lacking;
@@ -255,7 +258,8 @@ void Session::Impl::count_lost(const Outstanding& lost) {
   }
 }
 
-// How long to wait for an answer: doubled with each one in a row that did not come, for it may need long.
+// How long to wait for an answer: doubled with each one in a row that did not come, for it may need
+// long.
 double Session::Impl::patience_after(std::uint32_t lost_requests) const {
   constexpr std::uint32_t kMostDoublings = 20;
   return std::min(std::ldexp(options.request_timeout_s,
@@ -263,9 +267,10 @@ double Session::Impl::patience_after(std::uint32_t lost_requests) const {
                   std::max(options.request_timeout_s, kMaxPatience_s));
 }
 
-// The request that was sent last, in place of what was asked of this content before. Whatever else the publisher sends meanwhile says that it
-// lives, not that it has had the time for this: without a count of its own a long answer would be begun again and again, of two publishers
-// at each in turn.
+// The request that was sent last, in place of what was asked of this content before. Whatever else
+// the publisher sends meanwhile says that it lives, not that it has had the time for this: without
+// a count of its own a long answer would be begun again and again, of two publishers at each in
+// turn.
 void Session::Impl::open_request(const ContentHash& content, const Publisher& publisher,
                                  Outstanding open) {
   if (const auto before = outstanding.find(content);
@@ -300,8 +305,9 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
     settle_audit(model, report);
     audit(model);
-    // One request at a time and model: the next one names what the answer has left unresolved, so nothing is sent
-    // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
+    // One request at a time and model: the next one names what the answer has left unresolved, so
+    // nothing is sent twice. Only what is needed now does not wait for a horizon; the publisher
+    // drops what is left of that.
     const auto open = outstanding.find(model.content_hash);
     bool may_prefetch = horizon_s() > 0;
     if (open != outstanding.end()) {
@@ -310,7 +316,8 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
       may_prefetch = may_prefetch && lost;
       if (lost) count_lost(open->second);
     }
-    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
+    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a
+    // node that the query met.
     const Stopwatch watch;
     const bool is_asked = request(model, region_of(model, 0, report, Scope::kUncertified),
                                   missing_of(model, report, false), kNeededNow);

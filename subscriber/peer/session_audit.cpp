@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a session holds publishers to their word: now and then one is to prove a block that it sent (docs/security.md).
+// How a session holds publishers to their word: now and then one is to prove a block that it sent
+// (docs/security.md).
 #include <utility>
 
 #include "core/base/hash.hpp"
@@ -15,7 +16,8 @@ constexpr double kAuditPatience_s = 10;
 
 }  // namespace
 
-// Asks for the block of a split that is held, each split as likely as any other. Beside what else is open.
+// Asks for the block of a split that is held, each split as likely as any other. Beside what else
+// is open.
 void Session::Impl::audit(PeerModel& model) {
   if (options.audit_s <= 0 || model.audit.request != 0 || clock.seconds() < model.audit.due_s)
     return;

@@ -14,10 +14,12 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// A promise says nothing of the way: a body of which that alone is known may go to all sides, so its roam is for a quarter of the time.
+/// A promise says nothing of the way: a body of which that alone is known may go to all sides, so
+/// its roam is for a quarter of the time.
 constexpr double kRoamOfPromise = 0.25;
 
-/// Full poses are asked for so long before a body may be near: for the way there and back, and two frames.
+/// Full poses are asked for so long before a body may be near: for the way there and back, and two
+/// frames.
 constexpr double kLead_s = 0.3;
 
 /// Of a pair, whichever way round.
@@ -41,7 +43,8 @@ Result<BodyId> Session::add_body(BodyOptions options) {
 }
 
 Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
-  // As the bus has it: a part of the directory in which one name does not pass is not told, and its other bodies are not known either.
+  // As the bus has it: a part of the directory in which one name does not pass is not told, and its
+  // other bodies are not known either.
   NEARMESH_RETURN_IF_ERROR(wire::check_name(body_options.name, "name of a body"));
   NEARMESH_RETURN_IF_ERROR(wire::check_name(body_options.model, "model name"));
   const double max_age_s = body_options.max_pose_age_s.value_or(
@@ -89,7 +92,8 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
   return id;
 }
 
-/// One content for each model that is pinned, and one model for each content: a replica belongs to both.
+/// One content for each model that is pinned, and one model for each content: a replica belongs to
+/// both.
 Status Session::Impl::check_pin(const std::string& body, const std::string& model_name,
                                 const ContentHash& content) const {
   if (!content.is_set()) return Status::ok();
@@ -142,7 +146,8 @@ Status Session::remove_body(BodyId body) {
   return Status::ok();
 }
 
-/// Others hear that the number is gone, and with it all that was said of it. Who has not heard yet rests on what was promised, so `made` stays.
+/// Others hear that the number is gone, and with it all that was said of it. Who has not heard yet
+/// rests on what was promised, so `made` stays.
 Status Session::forget_pose(BodyId body) {
   const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(impl_->check_whole());
@@ -165,7 +170,8 @@ Status Session::forget_pose(BodyId body) {
   return Status::ok();
 }
 
-/// What the host heard of it before it was placed or removed is of no body of that name that is there later.
+/// What the host heard of it before it was placed or removed is of no body of that name that is
+/// there later.
 void Session::Impl::forget_heard(const Body& body) {
   std::erase_if(heard_by_host, [&](const wire::BodyPose& pose) { return pose.body == body.name; });
 }
@@ -324,7 +330,8 @@ bool Session::Impl::is_near_soon(const Body& a, const Body& b) {
   return (!a.soon || a.soon->meets(b.place.box)) && (!b.soon || b.soon->meets(a.place.box));
 }
 
-/// Of one that is known by a promise, or was: full poses count while they are wanted, for then they come.
+/// Of one that is known by a promise, or was: full poses count while they are wanted, for then they
+/// come.
 void Session::Impl::bound_promised(Body& body, FrameReport& report) {
   std::string reason = why_no_bounds(body);
   const wire::BodyPromise* promise = promise_of(body);

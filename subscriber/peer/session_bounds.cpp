@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a session tells recorders of the pairs that bounds prove apart: which bodies it knows of, when that changes, and in each frame a
-// few numbers. Recorded poses make up the rest.
+// What a session tells recorders of the pairs that bounds prove apart: which bodies it knows of,
+// when that changes, and in each frame a few numbers. Recorded poses make up the rest.
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -141,7 +141,8 @@ std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
   return heard;
 }
 
-/// `free`: how many pairs of bodies that have boxes do not meet. Nothing is said where there are none.
+/// `free`: how many pairs of bodies that have boxes do not meet. Nothing is said where there are
+/// none.
 void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free, const Bounded& bounded) {
   tell_watched();
   if (free == 0) return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a session asks of a publisher that serves both models of a pair: it says where the bodies are and what it holds, and
-// the publisher chooses the detail that certifies.
+// What a session asks of a publisher that serves both models of a pair: it says where the bodies
+// are and what it holds, and the publisher chooses the detail that certifies.
 #include <algorithm>
 #include <atomic>
 #include <map>
@@ -18,8 +18,8 @@ namespace {
 
 /// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
 constexpr int kMaxFruitless = 2;
-/// Who holds so much that it takes more bytes to tell, or more splits than a publisher listens to, names what it lacks itself: that takes
-/// some kilobytes.
+/// Who holds so much that it takes more bytes to tell, or more splits than a publisher listens to,
+/// names what it lacks itself: that takes some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
 /// So long models of a request that was refused are asked for by region: then it is tried again.
@@ -32,7 +32,8 @@ std::uint64_t states_of(const Pair& pair) {
          mix(pair.b->model->replica->mesh().state_hash() + 1);
 }
 
-/// How a body's model moves. The poses of a world place its own origin; a tile's model begins at zero.
+/// How a body's model moves. The poses of a world place its own origin; a tile's model begins at
+/// zero.
 Motion motion_of_model(const Body& body) {
   Motion motion = *body.motion;
   if (!body.tile_grid) return motion;
@@ -61,7 +62,8 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
     return Need::kAhead;
   // What nothing meets until then is certified until then, by what is held.
   if (pair.by_region && stays_certified(answer, soon_s(pair))) return Need::kNothing;
-  // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
+  // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth
+  // is left then.
   return std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8 ? Need::kNothing : Need::kLook;
 }
 
@@ -83,7 +85,8 @@ bool Session::Impl::may_ask_for(const PeerModel& model) {
          publisher_of(model.content_hash) != nullptr;
 }
 
-// The publishers that were told where bodies are, and have not answered: each answers one such request at a time.
+// The publishers that were told where bodies are, and have not answered: each answers one such
+// request at a time.
 std::set<wire::SessionId> Session::Impl::told_of_bodies() const {
   std::set<wire::SessionId> found;
   for (const auto& [content, open] : outstanding)
@@ -91,7 +94,8 @@ std::set<wire::SessionId> Session::Impl::told_of_bodies() const {
   return found;
 }
 
-// The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
+// The pairs for which a publisher chooses, and that need detail or may: none of whose models waits
+// for an answer.
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
   const std::set<wire::SessionId> at_work = told_of_bodies();
@@ -118,8 +122,9 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
   return candidates;
 }
 
-/// As many as there is time for, those first that were looked at longest ago; one in any
-/// case in some updates. The others wait for another update. `looked_in`: the last update that looked, or had no need to.
+/// As many as there is time for, those first that were looked at longest ago; one in any case in
+/// some updates. The others wait for another update. `looked_in`: the last update that looked, or
+/// had no need to.
 void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates,
                                std::uint64_t& looked_in) {
   std::vector<Candidate*> looks;
@@ -147,7 +152,8 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
     if (look->need != Need::kLook) look_cost.add(look->pair->look_cost_s);
 }
 
-// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
+// Where one publisher serves both models of a pair it is told where the bodies are, and chooses
+// what certifies.
 void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameReport& report) {
   std::vector<Candidate> candidates = find_candidates(report);
   look_ahead(budget, candidates, looked_ahead_in);
@@ -190,8 +196,8 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     if (at == models.end()) models.push_back(model);
     return place;
   };
-  std::vector<Pair*>
-      taken;  // of those behind one that has no place any more who needs no other model
+  // Of those behind one that has no place any more who needs no other model.
+  std::vector<Pair*> taken;
   for (Pair* pair : asked) {
     if (taken.size() == kMaxAskedPairs) break;
     const auto is_new = [&models](const Body& body) {

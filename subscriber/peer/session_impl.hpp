@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
-// near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
-// session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
-// update to update), session_links.cpp (robots of several bodies), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_bounds.cpp (what is told of
-// pairs that bounds prove apart), session_promises.cpp (where bodies stay, and whose full poses are wanted), session_mesh.cpp (meshes to
-// be drawn).
+// What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that
+// come and go, and which are near), session_take.cpp (what comes), session_turns.cpp (whom it
+// asks), session_ask.cpp, session_certificates.cpp and session_audit.cpp (what is asked of
+// publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from update to
+// update), session_links.cpp (robots of several bodies), session_worlds.cpp (bodies that are
+// worlds), session_tell.cpp (what is told), session_bounds.cpp (what is told of pairs that bounds
+// prove apart), session_promises.cpp (where bodies stay, and whose full poses are wanted),
+// session_mesh.cpp (meshes to be drawn).
 // Threads: one.
 
 #include <algorithm>
@@ -61,8 +63,8 @@ struct Body {
   bool is_ready = false;           // why_not_ready() says nothing
   BodyReach reach;
 
-  // Promises that were heard of one that another moves: the latest first, and the one before it, which holds for frames of before the
-  // latest.
+  // Promises that were heard of one that another moves: the latest first, and the one before it,
+  // which holds for frames of before the latest.
   std::array<std::optional<wire::BodyPromise>, 2> promises;
   std::vector<wire::BodyPromise> made;  // of an own body, in that order: others may rest on each
   double max_speed_mps = 0;             // own: promised
@@ -119,8 +121,8 @@ struct Outstanding : AskedRequest {
 struct Publisher {
   wire::Hello hello;
   std::uint32_t received_sequence = 0;
-  std::uint32_t lost_requests =
-      0;  // in a row: it may be dead, which DDS tells only when its lease is over
+  // In a row: it may be dead, which DDS tells only when its lease is over.
+  std::uint32_t lost_requests = 0;
   std::set<ContentHash> by_region;  // for bodies of these it does not choose
   std::set<ContentHash> announced;  // by the hello: looked at for each pair
   std::set<ContentHash> parts;  // pages and tiles of worlds that it serves, as far as they are used
@@ -137,15 +139,17 @@ struct Publisher {
   return wire::called(publisher.hello.publisher, publisher.hello.name);
 }
 
-/// Whether a promise is of the body that this mover has under this number. Bodies of one name may follow each other: of another mover, or
-/// of the same, which uses no number twice. Where one stays or is says nothing of the next.
+/// Whether a promise is of the body that this mover has under this number. Bodies of one name may
+/// follow each other: of another mover, or of the same, which uses no number twice. Where one stays
+/// or is says nothing of the next.
 [[nodiscard]] inline bool is_promise_of(const wire::BodyPromise& promise, wire::SessionId mover,
                                         std::uint32_t number) {
   return promise.peer == mover && promise.number == number;
 }
 
-/// Of the numbers of a mover's samples, of which 10,000 bodies take 2^32 in a day: what follows the highest is 1 again, for 0 is no number. Of two
-/// that are less than 2^31 apart it is known which was said later; 0 was said before all.
+/// Of the numbers of a mover's samples, of which 10,000 bodies take 2^32 in a day: what follows the
+/// highest is 1 again, for 0 is no number. Of two that are less than 2^31 apart it is known which
+/// was said later; 0 was said before all.
 [[nodiscard]] inline bool is_after(std::uint32_t sequence, std::uint32_t other) {
   return sequence != 0 && (other == 0 || static_cast<std::int32_t>(sequence - other) > 0);
 }
@@ -156,10 +160,12 @@ struct Publisher {
 
 [[nodiscard]] Status no_such(BodyId body);
 
-/// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.
+/// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given
+/// up.
 inline constexpr double kUnused_s = 10;
 
-/// Of contents, and who was asked for them, these many that were asked for last: of others nothing is on its way any more.
+/// Of contents, and who was asked for them, these many that were asked for last: of others nothing
+/// is on its way any more.
 inline constexpr std::size_t kMaxAskedAbout = 4096;
 
 /// PairAnswer::reason of a pair that is put off. Short, since there may be thousands in a frame.
@@ -174,8 +180,8 @@ struct Session::Impl {
   SessionOptions options;
   Status options_status;  // of check()
   ReplicaSet replicas;
-  std::map<std::uint32_t, Body>
-      bodies;  // by BodyId; where they are does not change, so pairs may point at them
+  // By BodyId; where they are does not change, so pairs may point at them.
+  std::map<std::uint32_t, Body> bodies;
   std::vector<Body*> by_id;       // the same; null: was removed
   std::vector<Body*> present;     // the same, for who looks at all of them in each frame
   std::vector<Body*> own_bodies;  // by number on the bus, ascending
@@ -297,7 +303,8 @@ struct Session::Impl {
     wire::SessionId asked = 0;    // whose pieces the reader has
   };
   std::map<ContentHash, WantedBytes> wanted_bytes;
-  // What probes of worlds lack, or lacked of late: by the world's body; of a page the content alone counts.
+  // What probes of worlds lack, or lacked of late: by the world's body; of a page the content alone
+  // counts.
   struct ProbedPart {
     WorldEntry entry;
     bool is_page = false;
@@ -334,7 +341,8 @@ struct Session::Impl {
   std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
   std::uint64_t looked_by_region_in = 0;
-  // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
+  // Of this update's time, when the last pair that was asked had been: to put off the others takes
+  // time, too.
   double asked_by_s = 0;
   bool has_updated = false;
   bool is_half_way = false;          // an exception has left a change
@@ -465,7 +473,8 @@ struct Session::Impl {
     double ended_s = 0;  // of the update's time; 0: was not asked
     bool is_cut_short = false;
   };
-  // What updates took of late: a batch; a pair; what follows the batches; what follows the answers; a look ahead; giving up.
+  // What updates took of late: a batch; a pair; what follows the batches; what follows the answers;
+  // a look ahead; giving up.
   ExpectedCost batch_cost{0.25}, pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64},
       look_cost{0.125}, region_cost, ahead_cost{0.125}, give_up_cost;
   // By how much updates would have run over, had nothing been set aside for that.
@@ -553,8 +562,9 @@ struct Session::Impl {
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
   [[nodiscard]] LookAhead ahead() const { return {horizon_s(), options.margin_m}; }
-  /// What is lacked this soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Three
-  /// frames at least, since an answer that comes in the next is there for the one after. By region it takes more than one.
+  /// What is lacked this soon is asked for with all of the horizon: fewer and fuller answers than a
+  /// little in each frame. Three frames at least, since an answer that comes in the next is there
+  /// for the one after. By region it takes more than one.
   [[nodiscard]] double soon_s(const Pair& pair) const {
     const double at_least_s = pair.by_region ? horizon_s() / 2 : horizon_s() / 4;
     return std::clamp(3 * frame_s, at_least_s, horizon_s());

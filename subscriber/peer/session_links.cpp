@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Robots: bodies whose poses count together. Those that fit travel in one sample; of others each hearer takes the parts of an instant when
-// all of them are here, and rests on the last whole one until then. An instant is one time in one update of the mover: of two updates of one
-// time parts may be lost, and what is left of both is no robot.
+// Robots: bodies whose poses count together. Those that fit travel in one sample; of others each
+// hearer takes the parts of an instant when all of them are here, and rests on the last whole one
+// until then. An instant is one time in one update of the mover: of two updates of one time parts
+// may be lost, and what is left of both is no robot.
 #include <algorithm>
 #include <utility>
 
@@ -13,8 +14,8 @@ namespace {
 /// Instants of which not all has come: so many are waited for, of each robot.
 constexpr std::size_t kMaxInstants = 8;
 constexpr std::size_t kMaxRobots = 4096;
-/// Nothing is on its way for longer. What is of a time so much before, with numbers of before, is said anew: a recording is played in a loop, or from
-/// an earlier moment on.
+/// Nothing is on its way for longer. What is of a time so much before, with numbers of before, is
+/// said anew: a recording is played in a loop, or from an earlier moment on.
 constexpr double kMostLate_s = 10;
 
 }  // namespace
@@ -116,8 +117,8 @@ void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::strin
                 [&](const auto& entry) { return !is_after(entry.first.first, heard.taken); });
 }
 
-/// Those of which no body here is a link: their links are not looked at here, so nothing says when they are gone. Of one that is there the next
-/// instant counts as the first did.
+/// Those of which no body here is a link: their links are not looked at here, so nothing says when
+/// they are gone. Of one that is there the next instant counts as the first did.
 void Session::Impl::forget_robots_of_nobody() {
   if (std::exchange(looked_for_robots_in, updates) == updates) return;
   std::set<std::pair<wire::SessionId, std::uint32_t>> robots;

@@ -11,7 +11,8 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// So long what a probe has lacked is kept, above max_held_splits too: it shall be there when the host probes again.
+/// So long what a probe has lacked is kept, above max_held_splits too: it shall be there when the
+/// host probes again.
 constexpr double kKept_s = 1;
 
 /// Sorted, each once.
@@ -189,7 +190,8 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
   return report;
 }
 
-/// One request a model, of whoever serves it, by region. Pairs and probes take turns where both need detail all the time.
+/// One request a model, of whoever serves it, by region. Pairs and probes take turns where both
+/// need detail all the time.
 void Session::Impl::ask_for_probes() {
   for (auto& entry : replicas.all()) {
     PeerModel& model = entry.second;

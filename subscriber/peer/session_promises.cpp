@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Promises (docs/worlds.md): where own bodies stay, as others are told; where others' bodies stay; whose full poses are wanted, here and
-// elsewhere. What follows from a promise: core/THEOREM.md, "Free by promise".
+// Promises (docs/worlds.md): where own bodies stay, as others are told; where others' bodies stay;
+// whose full poses are wanted, here and elsewhere. What follows from a promise: core/THEOREM.md,
+// "Free by promise".
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -11,17 +12,21 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// A promise is made anew after this share of its time: the rest is for losses on the way, and for frames that are late.
+/// A promise is made anew after this share of its time: the rest is for losses on the way, and for
+/// frames that are late.
 constexpr double kRenewShare = 0.5;
-/// Full poses are wanted so long after they last were of use: who turns away and back is not asked twice.
+/// Full poses are wanted so long after they last were of use: who turns away and back is not asked
+/// twice.
 constexpr double kLinger_s = 0.6;
 /// What is wanted is said again, since it may be lost, seconds by the machine's clock.
 constexpr double kRepeatWish_s = 0.5;
 constexpr std::size_t kMaxWishes = 4096;
-/// Promises of an own body that are remembered: each other body of its part may come in a frame of its own, and has a promise made of all.
+/// Promises of an own body that are remembered: each other body of its part may come in a frame of
+/// its own, and has a promise made of all.
 constexpr std::size_t kMostMade = 2 * wire::kBodiesPerPromise;
 
-/// A quantum is some 64th of the way that the slowest body may go: it hardly widens a promise, and its places are small numbers.
+/// A quantum is some 64th of the way that the slowest body may go: it hardly widens a promise, and
+/// its places are small numbers.
 constexpr double kQuantumShare = 0x1p-6;
 
 /// Of places up to that far from 0 on each axis, of bodies of that speed at least.
@@ -38,7 +43,8 @@ double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b
   return std::sqrt(sum);
 }
 
-/// The latest first. Those of another mover, or of another body of the name, are void. What comes late may still hold for now.
+/// The latest first. Those of another mover, or of another body of the name, are void. What comes
+/// late may still hold for now.
 void keep(wire::BodyPromise&& promise, double now_s,
           std::array<std::optional<wire::BodyPromise>, 2>& promises) {
   auto& [latest, before] = promises;
@@ -50,8 +56,9 @@ void keep(wire::BodyPromise&& promise, double now_s,
   }
 }
 
-/// One that has ended is held to for as long again: the clock may go back, and who has heard no later one then rests on it. More than
-/// kMostMade there are only where the clock goes back again and again; then nobody who hears anything has the first any more.
+/// One that has ended is held to for as long again: the clock may go back, and who has heard no
+/// later one then rests on it. More than kMostMade there are only where the clock goes back again
+/// and again; then nobody who hears anything has the first any more.
 void note_made(wire::BodyPromise&& promise, double now_s, std::vector<wire::BodyPromise>& made) {
   std::erase_if(made, [now_s](const wire::BodyPromise& before) {
     return now_s - before.until_s > before.until_s - before.from_s;
@@ -82,7 +89,8 @@ std::string Session::Impl::why_unpromised(const Body& body) const {
          (has_ended ? "before" : "after") + " the frame's time";
 }
 
-/// Others rest certified answers on promises, so nothing may break one: none, for who has not heard the latest rests on an earlier one.
+/// Others rest certified answers on promises, so nothing may break one: none, for who has not heard
+/// the latest rests on an earlier one.
 Status Session::Impl::check_promised(const Body& own, const Motion& motion, double at_s) const {
   for (const wire::BodyPromise& promise : own.made) {
     const std::optional<double> radius_m = promise.radius_m(at_s);

@@ -114,7 +114,8 @@ void Session::Impl::forget_gone_movers() {
   std::erase_if(last_promises, is_gone);
 }
 
-/// Others may go on from it with their own clocks, and one word must not take these beyond all times.
+/// Others may go on from it with their own clocks, and one word must not take these beyond all
+/// times.
 void Session::Impl::hear_time(double said_s, const std::string& body,
                               std::vector<std::string>& complaints) {
   if (std::abs(said_s) <= wire::kMaxFollowed_s) {
@@ -210,8 +211,8 @@ void Session::Impl::take_hello(const wire::Hello& hello) {
   publisher.hello = hello;
   publisher.announced.clear();
   for (const auto& model : hello.models) publisher.announced.insert(model.content_hash);
-  // What the others have not answered may be asked of it. It counts as lost, and how often it was: who comes again and again would have it begun
-  // anew each time.
+  // What the others have not answered may be asked of it. It counts as lost, and how often it was:
+  // who comes again and again would have it begun anew each time.
   for (auto& [content, open] : outstanding) {
     if (!has_come || !publisher.announces(content)) continue;
     const auto asked = publishers.find(open.publisher);
@@ -317,7 +318,8 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     model->audit.is_answered |= message.last;
   }
   if (message.refused) {
-    // Another request stays open until its time-out, so that a refusal is not asked for every frame.
+    // Another request stays open until its time-out, so that a refusal is not asked for every
+    // frame.
     if (!is_of_audit && std::none_of(outstanding.begin(), outstanding.end(), [&](const auto& open) {
           return open.second.is_answered_by(message);
         }))
@@ -341,8 +343,8 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   if (message.last) close_request(message);
   if (model == nullptr || message.bytes.empty()) return;
   if (asked_about.find({message.content_hash, message.publisher}) == nullptr) {
-    model->lacks_batches |=
-        asked_publishers.has(message.publisher);  // of others recorders count none
+    // Of others recorders count none.
+    model->lacks_batches |= asked_publishers.has(message.publisher);
     if (unasked_of.size() < kMaxRefusedOf && unasked_of.insert(message.publisher).second)
       report.complaints.push_back("model " + model->name + ": publisher " +
                                   to_hex(message.publisher) +

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a session tells others of itself: what it holds, what it was asked and answered, how it fares.
+// What a session tells others of itself: what it holds, what it was asked and answered, how it
+// fares.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,8 +12,9 @@
 
 namespace nearmesh::subscriber {
 
-/// To each recorder that comes, and when detail was given up. Not while batches of the model wait: what is said to have come must have been taken
-/// in. Nor where it distrusts a publisher: of what comes, recorders would not know what it drops.
+/// To each recorder that comes, and when detail was given up. Not while batches of the model wait:
+/// what is said to have come must have been taken in. Nor where it distrusts a publisher: of what
+/// comes, recorders would not know what it drops.
 void Session::Impl::tell_held(FrameReport& report) {
   replicas.note_given_up();
   for (auto& [name, model] : replicas.all()) {
@@ -136,7 +138,8 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
     }
   }
   tell_bodies(now);
-  // Those of bodies that are here first: models stay when their bodies are gone, and all may be more than can be told.
+  // Those of bodies that are here first: models stay when their bodies are gone, and all may be
+  // more than can be told.
   std::set<const PeerModel*> used;
   for (const Body* body : present) used.insert(body->model);
   for (const bool is_used : {true, false})

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which pairs an update asks within its budget, and what is said of the others.
 //
-// A pair is due at an update: one that touches, or is not certified, at that which asked it last; one that is free when it may
-// touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first. One
-// that takes so much longer than expected that time is over is cut short: it is put off, stays due as it was, and is asked to its end where it
-// comes first. Where batches leave no time none is asked; the next update then asks the first to its end, whatever that takes. So does an
-// update whose whole budget is less than that. So one of two updates asks a pair, and none starves: of n pairs each is asked again after
-// kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due after it.
+// A pair is due at an update: one that touches, or is not certified, at that which asked it last;
+// one that is free when it may touch by what was said of it, but kMostFreeTurns later at most; a
+// new one kNewTurns before it came. Who is due first is asked first. One that takes so much longer
+// than expected that time is over is cut short: it is put off, stays due as it was, and is asked to
+// its end where it comes first. Where batches leave no time none is asked; the next update then
+// asks the first to its end, whatever that takes. So does an update whose whole budget is less than
+// that. So one of two updates asks a pair, and none starves: of n pairs each is asked again after
+// kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due
+// after it.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -28,7 +31,8 @@ std::uint64_t changes_of(const Replica& replica) {
 
 }  // namespace
 
-/// What the last certified answer of a pair says of the frame's poses. Precondition: there is one; both bodies are ready.
+/// What the last certified answer of a pair says of the frame's poses. Precondition: there is one;
+/// both bodies are ready.
 LastCertified Session::Impl::last_certified_of(const Pair& pair, ClearanceLeft& left) const {
   const Pair::Certified& then = *pair.certified;
   left = {};
@@ -48,8 +52,9 @@ LastCertified Session::Impl::last_certified_of(const Pair& pair, ClearanceLeft& 
   return last;
 }
 
-/// The answer without asking, where what was said last and how little both have moved since make it certain, and where what is held has not
-/// changed: so it is what every peer answers that holds the same. Precondition: both bodies are ready.
+/// The answer without asking, where what was said last and how little both have moved since make it
+/// certain, and where what is held has not changed: so it is what every peer answers that holds the
+/// same. Precondition: both bodies are ready.
 std::optional<Answered> Session::Impl::still_free_of(const Pair& pair) const {
   if (!pair.certified || pair.a->solid || pair.b->solid) return std::nullopt;
   const Pair::Certified& then = *pair.certified;
@@ -72,7 +77,8 @@ double Session::Impl::due_of(const Pair& pair) const {
   return std::min(static_cast<double>(updates) + turns, asked_in + kMostFreeTurns);
 }
 
-/// What is known of each pair before any is asked: whether it can be, and what is left of what was said of it.
+/// What is known of each pair before any is asked: whether it can be, and what is left of what was
+/// said of it.
 void Session::Impl::look_at_pairs() {
   for (Pair* pair : listed) {
     for (Body* body : {pair->a, pair->b}) {
@@ -108,14 +114,15 @@ std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
   return turns;
 }
 
-/// What asking a pair will take, as far as is known: what it took then, or, since that may be long ago, what pairs take.
+/// What asking a pair will take, as far as is known: what it took then, or, since that may be long
+/// ago, what pairs take.
 double Session::Impl::cost_of(const Pair& pair) const {
   if (pair.still) return 0;
   return std::max(pair.turn.cost_s, pair_cost.seconds());
 }
 
-/// What is set aside for that which follows the answers: what it takes of late, and what has waited so long that it takes its turn in
-/// any case.
+/// What is set aside for that which follows the answers: what it takes of late, and what has waited
+/// so long that it takes its turn in any case.
 double Session::Impl::ending_s(const FrameBudget& budget) const {
   const double look_s = updates - looked_ahead_in >= kPatientLooks ? look_cost.seconds() : 0;
   return std::min(rest_cost.seconds() + channel->needs_s() + look_s, budget.seconds() / 2) +

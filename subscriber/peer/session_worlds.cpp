@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bodies that are worlds. Before pairs are answered, each pair with a world gives way to pairs with those of its tiles that boxes do not prove
-// apart from the other body, now or within the look-ahead (join_tiles); these take turns, ask for detail and are answered as others are. Then their answers
-// become that of the pair (fold_worlds; tile_sum.hpp says why it is right).
+// Bodies that are worlds. Before pairs are answered, each pair with a world gives way to pairs with
+// those of its tiles that boxes do not prove apart from the other body, now or within the
+// look-ahead (join_tiles); these take turns, ask for detail and are answered as others are. Then
+// their answers become that of the pair (fold_worlds; tile_sum.hpp says why it is right).
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -123,8 +124,8 @@ namespace {
 
 constexpr double kRoundUp = 1 + 0x1p-40;
 
-/// How fast a world and another body come together at most, what posing them rounds, and how far they may have gone since their
-/// poses. As safe_horizon_s() counts.
+/// How fast a world and another body come together at most, what posing them rounds, and how far
+/// they may have gone since their poses. As safe_horizon_s() counts.
 struct Approach {
   double speed_mps = 0, rounding_m = 0, gone_m = 0;
 
@@ -178,7 +179,8 @@ Status Session::Impl::find_tiles(WorldPair& found) {
   const Approach approach(world, wire::age_s(stamp_of(world), time_s), other,
                           wire::age_s(stamp_of(other), time_s));
   const double cell_m = std::ldexp(1.0, other.grid().exponent);
-  // What find_tiles_around() takes off again is added, so that all else is apart for the whole look-ahead.
+  // What find_tiles_around() takes off again is added, so that all else is apart for the whole
+  // look-ahead.
   const double around_m = approach.needed_m(horizon_s()) + options.margin_m +
                           4 * std::ldexp(1.0, tiles.record().lattice.exponent);
   found.reach_cells = static_cast<std::uint32_t>(
@@ -190,7 +192,8 @@ Status Session::Impl::find_tiles(WorldPair& found) {
   return Status::ok();
 }
 
-/// Of a state of a world, in the place of the body that is that world. Precondition: the state's root page is here.
+/// Of a state of a world, in the place of the body that is that world. Precondition: the state's
+/// root page is here.
 Result<TilesAround> Session::Impl::tiles_around(PeerWorld& tiles, const Body& world,
                                                 const Body& other,
                                                 std::uint32_t reach_cells) const {
@@ -300,7 +303,8 @@ void Session::Impl::forget_tiles(const Body& body) {
   listed.clear();
 }
 
-/// Those first that were lost least often: what nobody answers would have all places, again and again.
+/// Those first that were lost least often: what nobody answers would have all places, again and
+/// again.
 void Session::Impl::ask_for_bytes() {
   std::size_t open_count = 0;
   std::vector<std::pair<std::uint32_t, ContentHash>> due;  // and how often it was lost in a row
@@ -332,8 +336,8 @@ void Session::Impl::ask_for_bytes() {
   }
 }
 
-/// A piece of what ask_for_bytes() asks. Of who was not asked it counts for nothing: others could have the bytes begun anew, or the
-/// publisher taken for a liar.
+/// A piece of what ask_for_bytes() asks. Of who was not asked it counts for nothing: others could
+/// have the bytes begun anew, or the publisher taken for a liar.
 void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameReport& report) {
   const auto open = outstanding.find(message.content_hash);
   const bool is_open = open != outstanding.end() && open->second.is_answered_by(message);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The commands of nearmesh-subscriber: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
-// that no command compiles CLI11.
+// The commands of nearmesh-subscriber: what each is told, and what it then does. Flags and help
+// stand in main.cpp alone, so that no command compiles CLI11.
 
 #include <optional>
 #include <string>
@@ -32,8 +32,8 @@ struct RunOptions {
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
   Ros2Showing ros2;
-  std::vector<std::string>
-      ros2_poses;  ///< bodies that ROS 2 moves, as parse_ros2_body() takes them
+  /// Bodies that ROS 2 moves, as parse_ros2_body() takes them.
+  std::vector<std::string> ros2_poses;
 };
 Outcome run(const RunOptions& options);
 

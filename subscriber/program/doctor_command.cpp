@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber doctor: does this machine reach others? Run it on both ends, or against a publisher.
+// nearmesh-subscriber doctor: does this machine reach others? Run it on both ends, or against a
+// publisher.
 #include <sys/stat.h>
 #include <unistd.h>
 

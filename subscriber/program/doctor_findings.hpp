@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What doctor says (takes what it measured, gives lines): also of tests that were interrupted, which tell what they had measured until then
-// and accuse nobody.
+// What doctor says (takes what it measured, gives lines): also of tests that were interrupted,
+// which tell what they had measured until then and accuse nobody.
 
 #include <cstddef>
 #include <cstdint>
@@ -23,8 +23,8 @@ struct Finding {
 
 inline constexpr std::size_t kKilobyte = 1000, kMegabyte = 1'000'000;
 
-/// Of so many bytes that went there and back, in the times of those that came. In: one that did not within `patience_s` ends the test,
-/// unless the user did.
+/// Of so many bytes that went there and back, in the times of those that came. In: one that did not
+/// within `patience_s` ends the test, unless the user did.
 struct RoundTrips {
   std::string name;
   std::size_t bytes = 0;

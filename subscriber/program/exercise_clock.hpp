@@ -8,9 +8,10 @@
 
 namespace nearmesh::subscriber::program {
 
-/// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
-/// is the latest of all, less what a pose takes on its way, and none is ever set back. Who moves nothing has no time of its own, and waits
-/// for the first that it hears: the exercise may begin, or be played, long after it.
+/// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time
+/// goes on from there. So it is the latest of all, less what a pose takes on its way, and none is
+/// ever set back. Who moves nothing has no time of its own, and waits for the first that it hears:
+/// the exercise may begin, or be played, long after it.
 class ExerciseClock {
  public:
   explicit ExerciseClock(bool moves_bodies) : runs_(moves_bodies) {}

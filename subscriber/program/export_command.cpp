@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber export: a recorded session, or a moment of it, as a file for programs of others.
+// nearmesh-subscriber export: a recorded session, or a moment of it, as a file for programs of
+// others.
 #include <spdlog/spdlog.h>
 
 #include <algorithm>

@@ -13,8 +13,9 @@
 
 namespace nearmesh::subscriber::program {
 
-// Milliseconds of one phase, frame by frame. Who flies for weeks has more frames than fit: then each second one is left out, of those before and
-// of those to come, and so on, so that those that are kept stand for the whole flight.
+// Milliseconds of one phase, frame by frame. Who flies for weeks has more frames than fit: then
+// each second one is left out, of those before and of those to come, and so on, so that those that
+// are kept stand for the whole flight.
 class Timings {
  public:
   void add(double seconds);

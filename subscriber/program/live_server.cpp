@@ -81,7 +81,8 @@ class LiveServer::Impl {
  private:
   using Sent = std::map<std::string, std::size_t>;
 
-  /// Out: false when it took too long. It has a part of a message then, and would read the next one as the rest of that.
+  /// Out: false when it took too long. It has a part of a message then, and would read the next one
+  /// as the rest of that.
   static bool give(mg_connection* browser, Sent& sent, const Streams& streams,
                    const std::string& text) {
     bool is_there = true;

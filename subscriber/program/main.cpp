@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber: its verbs, their flags and their help. Each is a thin user of the subscriber library.
+// nearmesh-subscriber: its verbs, their flags and their help. Each is a thin user of the subscriber
+// library.
 
 #include <CLI/CLI.hpp>
 #include <array>
@@ -18,8 +19,8 @@ namespace {
 /// Loggers (--log LOGGER=LEVEL), beside Fast DDS's.
 constexpr std::array<const char*, 2> kRooms{"session", "record"};
 
-/// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
-/// other options; the transport must live as long as the command.
+/// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when
+/// the command has its other options; the transport must live as long as the command.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, transport);

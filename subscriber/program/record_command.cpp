@@ -46,7 +46,8 @@ Outcome run(const RecorderOptions& options) {
       wire::program::log("record").warn("{}", line);
     const RecorderStats stats = recorder.stats();
     ended = stats.ended || !stats.identity.is_ok();
-    // On a terminal one line that is renewed; in a log now and then, and at once when something is missing.
+    // On a terminal one line that is renewed; in a log now and then, and at once when something is
+    // missing.
     const bool missed = stats.lost + stats.dropped > warned;
     if (clock.seconds() - shown_s < (terminal ? 0.5 : missed ? 1 : 10)) continue;
     shown_s = clock.seconds();

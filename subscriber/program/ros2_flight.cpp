@@ -162,7 +162,8 @@ void Ros2Flight::add_marks(const PairAnswer& pair, const Session& session, Ros2V
       uncertain_mark(mark, motion_a->pose.translation_m, motion_b->pose.translation_m));
 }
 
-/// Where a body was last, of which nothing is known now: its pairs are not in the answers, and all are uncertain.
+/// Where a body was last, of which nothing is known now: its pairs are not in the answers, and all
+/// are uncertain.
 void Ros2Flight::add_cross(BodyId body, const Session& session, Ros2View& view) const {
   const std::optional<Motion> motion = session.motion_of(body);
   if (!motion) return;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// `run --ros2`, `--ros2-poses`: what a flight shows to ROS 2's tools, and the bodies that ROS 2's programs move.
+// `run --ros2`, `--ros2-poses`: what a flight shows to ROS 2's tools, and the bodies that ROS 2's
+// programs move.
 
 #include <cstdint>
 #include <map>
@@ -16,16 +17,18 @@
 
 namespace nearmesh::subscriber::program {
 
-/// The stamp of what is shown: the newest that was heard, 0 for none. One that is older by more than a second is of a clock that has
-/// begun anew, as a simulator's does that is reset, or follows one that was ahead of it.
+/// The stamp of what is shown: the newest that was heard, 0 for none. One that is older by more
+/// than a second is of a clock that has begun anew, as a simulator's does that is reset, or follows
+/// one that was ahead of it.
 [[nodiscard]] std::int64_t stamp_after(std::int64_t shown_ns, std::int64_t heard_ns);
 
-/// Bodies that ROS 2 has farther from where they were than others were promised, as where a robot finds out that it is elsewhere, or a simulator is
-/// reset. Threads: one.
+/// Bodies that ROS 2 has farther from where they were than others were promised, as where a robot
+/// finds out that it is elsewhere, or a simulator is reset. Threads: one.
 class Ros2Jumps {
  public:
-  /// Takes these out of the motions: of such a body nothing is certified until its motions are in keeping with all that was promised, at the
-  /// latest when the last of the promises has ended. One line where it begins.
+  /// Takes these out of the motions: of such a body nothing is certified until its motions are in
+  /// keeping with all that was promised, at the latest when the last of the promises has ended. One
+  /// line where it begins.
   void take_out(Session& session, double time_s, std::vector<Session::OwnMotion>& motions,
                 std::vector<std::string>& complaints);
 
@@ -35,7 +38,8 @@ class Ros2Jumps {
 
 class Ros2Flight {
  public:
-  /// Nothing where neither flag was given. Errors: kInvalidArgument naming the body; those of Ros2Bridge::create.
+  /// Nothing where neither flag was given. Errors: kInvalidArgument naming the body; those of
+  /// Ros2Bridge::create.
   [[nodiscard]] static Result<std::unique_ptr<Ros2Flight>> create(const RunOptions& options,
                                                                   const Scene& scene);
 

@@ -36,7 +36,8 @@ struct LineMark {
 /// A body of which nothing is known, where it was last.
 [[nodiscard]] ros2::Marker unknown_mark(const LineMark& mark, const std::array<double, 3>& at_m,
                                         double span_m);
-/// A body in its own frame, corners three by three. None where it has too many faces: the log says so.
+/// A body in its own frame, corners three by three. None where it has too many faces: the log says
+/// so.
 [[nodiscard]] std::vector<ros2::Marker> mesh_marks(const std::string& body,
                                                    std::vector<std::array<double, 3>> exact_m,
                                                    std::vector<std::array<double, 3>> coarse_m);

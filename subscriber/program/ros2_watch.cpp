@@ -9,9 +9,11 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-/// An answer holds for so long when no other follows: as long as the lines about it would stay by themselves.
+/// An answer holds for so long when no other follows: as long as the lines about it would stay by
+/// themselves.
 constexpr std::int64_t kHolds_ns = 2'000'000'000;
-/// What a peer answers about a body may come before what its mover says. Bodies at rest are spoken of twice a second.
+/// What a peer answers about a body may come before what its mover says. Bodies at rest are spoken
+/// of twice a second.
 constexpr double kUntilPlaced_s = 2;
 
 bool is_same(const Pose& a, const Pose& b) {
@@ -39,7 +41,8 @@ void Ros2Watch::see(const std::string& name, const Pose& pose, std::int64_t rece
   body.is_placed = false;
 }
 
-/// Of bodies that no mover speaks of on this bus: they are in place, or a host hears of them otherwise.
+/// Of bodies that no mover speaks of on this bus: they are in place, or a host hears of them
+/// otherwise.
 void Ros2Watch::place(const std::string& name, const wire::ContactReport::Asked& asked) {
   const auto [at, is_new] = bodies_.try_emplace(name);
   Body& body = at->second;

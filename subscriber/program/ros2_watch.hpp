@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// `watch --ros2`: what a looker-on shows to ROS 2's tools (takes what a film is made of, gives what Ros2Bridge writes). It has no bodies
-// and asks nothing itself: where they are is what their movers say, what touches is what peers report.
+// `watch --ros2`: what a looker-on shows to ROS 2's tools (takes what a film is made of, gives what
+// Ros2Bridge writes). It has no bodies and asks nothing itself: where they are is what their movers
+// say, what touches is what peers report.
 
 #include <map>
 #include <memory>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber run: a peer that flies its bodies along trajectories and answers, frame by frame, what touches.
+// nearmesh-subscriber run: a peer that flies its bodies along trajectories and answers, frame by
+// frame, what touches.
 #include <unistd.h>
 
 #include <algorithm>
@@ -42,8 +43,8 @@ void sleep_s(double seconds) {
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
 }
 
-/// Between two updates that wait for others: a fiftieth of what has been waited already. A crowd that waits leaves the processor to
-/// those that it waits for.
+/// Between two updates that wait for others: a fiftieth of what has been waited already. A crowd
+/// that waits leaves the processor to those that it waits for.
 void pause_after(double waited_s, double least_s) {
   sleep_s(std::clamp(waited_s / 50, least_s, kLongestPause_s));
 }
@@ -85,7 +86,8 @@ class Flight {
     return Status::ok();
   }
 
-  // Holds the first frame until publishers and other peers have been heard, so that all start together.
+  // Holds the first frame until publishers and other peers have been heard, so that all start
+  // together.
   Status wait_for_start() {
     std::string reason;
     double said_s = -kRepeat_s;
@@ -113,8 +115,9 @@ class Flight {
     return Status::ok();
   }
 
-  // A frame begins a period after the one before it at the earliest. Frames that were late are not made up for by faster ones: bodies
-  // would go faster than their trajectories say, and farther than others were promised.
+  // A frame begins a period after the one before it at the earliest. Frames that were late are not
+  // made up for by faster ones: bodies would go faster than their trajectories say, and farther
+  // than others were promised.
   Status fly() {
     const Stopwatch clock;
     for (std::uint64_t frame = 0;
@@ -131,7 +134,8 @@ class Flight {
   /// Why it ended before its time, if so.
   [[nodiscard]] Status identity() const { return channel_.identity(); }
 
-  // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
+  // Those who began later still ask about its bodies: it stays with them in place until they have
+  // ended too.
   void stay() {
     if (scene_.frames == Scene::kForEver) return;
     std::vector<Session::OwnMotion> rest = motions(scene_.frames - 1);
@@ -185,7 +189,8 @@ class Flight {
     for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
       const std::vector<Motion>& trajectory = scene_.bodies[i].trajectory;
       if (trajectory.empty()) continue;
-      // Who stays where its trajectory ends has no velocity any more: others would wait for what it never reaches.
+      // Who stays where its trajectory ends has no velocity any more: others would wait for what it
+      // never reaches.
       all.push_back({id_of(i), frame < trajectory.size() ? trajectory[frame]
                                                          : Motion{.pose = trajectory.back().pose}});
     }
@@ -279,7 +284,8 @@ class Flight {
   // Of this frame.
   [[nodiscard]] double left_s() const { return 1 / scene_.frame_rate_hz - frame_clock_.seconds(); }
 
-  // Asks again within the frame while detail is on its way and time is left; the last answers count.
+  // Asks again within the frame while detail is on its way and time is left; the last answers
+  // count.
   Status fly_frame(std::uint64_t frame) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
     answered_.clear();
@@ -312,7 +318,8 @@ class Flight {
     return Status::ok();
   }
 
-  // Frame by frame to the end of both streams: whoever reads along, or after this process was killed, finds it there.
+  // Frame by frame to the end of both streams: whoever reads along, or after this process was
+  // killed, finds it there.
   Status record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
       if (pair.put_off) ++summary_.put_off;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The scene file of nearmesh-subscriber (docs/scene.md): bodies, which of them this peer moves along which trajectory,
-// which pairs it asks about, frame rate and budget.
+// The scene file of nearmesh-subscriber (docs/scene.md): bodies, which of them this peer moves
+// along which trajectory, which pairs it asks about, frame rate and budget.
 
 #include <functional>
 #include <string>
@@ -33,22 +33,24 @@ struct Scene {
   double start_timeout_s = 30;
   SessionOptions session;
   static constexpr std::uint64_t kForEver = UINT64_MAX;
-  std::uint64_t frames =
-      0;  ///< of the longest trajectory, or as the scene says; for ever where neither does
+  /// Of the longest trajectory, or as the scene says; for ever where neither does.
+  std::uint64_t frames = 0;
 };
 
-/// What a session refuses of a scene, if anything: the first in its list of bodies, robots or pairs.
+/// What a session refuses of a scene, if anything: the first in its list of bodies, robots or
+/// pairs.
 struct Refused {
   const char* list = nullptr;
   std::size_t place = 0;
   Status status = Status::ok();
 };
-/// Declares all of a scene in a session without bodies, which then numbers bodies as the scene does. `moves`: of a body without a trajectory, whether it is
-/// moved here all the same.
+/// Declares all of a scene in a session without bodies, which then numbers bodies as the scene
+/// does. `moves`: of a body without a trajectory, whether it is moved here all the same.
 [[nodiscard]] Refused declare(const Scene& scene, const std::function<bool(std::size_t)>& moves,
                               Session& session);
 
-/// Errors: kIo, kInvalidArgument; each names file, line, key, what was expected and what was found. What a session would refuse is refused here.
+/// Errors: kIo, kInvalidArgument; each names file, line, key, what was expected and what was found.
+/// What a session would refuse is refused here.
 [[nodiscard]] Result<Scene> read_scene(const std::string& path);
 
 }  // namespace nearmesh::subscriber::program

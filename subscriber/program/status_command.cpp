@@ -67,7 +67,8 @@ std::string place_of(const wire::ProcessStatus& process) {
   return process.host + "/" + std::to_string(process.process_id);
 }
 
-/// "moves aircraft, drone; hears 3 bodies of others, the oldest pose that of truck, 0.31 s; 1 stale".
+/// "moves aircraft, drone; hears 3 bodies of others, the oldest pose that of truck, 0.31 s; 1
+/// stale".
 std::string bodies_line(const wire::ProcessStatus& peer) {
   std::string line = "moves ";
   for (std::size_t i = 0; i < peer.moved.size(); ++i) line += (i > 0 ? ", " : "") + peer.moved[i];

@@ -7,7 +7,8 @@
 
 namespace nearmesh::subscriber::program {
 
-/// What is said before a recorder listens is not in its recording. Out: ok also when the program is to end.
+/// What is said before a recorder listens is not in its recording. Out: ok also when the program is
+/// to end.
 [[nodiscard]] Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options);
 
 }  // namespace nearmesh::subscriber::program

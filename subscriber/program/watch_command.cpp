@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber watch: the bus in a browser, as it is now. What `record` hears goes into a file that nobody keeps, what
-// `report` shows is made of it as it grows, and a web socket carries it on; or ROS 2's topics do. At some size all of it begins anew.
+// nearmesh-subscriber watch: the bus in a browser, as it is now. What `record` hears goes into a
+// file that nobody keeps, what `report` shows is made of it as it grows, and a web socket carries
+// it on; or ROS 2's topics do. At some size all of it begins anew.
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -192,8 +193,8 @@ Outcome run(const WatchOptions& options) {
     const RecorderStats stats = heard->stats();
     if (!stats.identity.is_ok()) return {stats.identity, wire::program::kIdentityEnded};
     NEARMESH_RETURN_IF_ERROR(stats.status);
-    // All that was heard is kept, in a file and in the film, so it begins anew at some size: beside what is shown, until it knows as much as
-    // who comes late can.
+    // All that was heard is kept, in a file and in the film, so it begins anew at some size: beside
+    // what is shown, until it knows as much as who comes late can.
     if (next == nullptr && stats.file_bytes >= options.max_bytes) {
       Result<std::unique_ptr<Heard>> more = begin();
       NEARMESH_RETURN_IF_ERROR(more);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The models and worlds of a folder, by content: from them a peer's replicas are made where the recording lacks its batches, and its pages found. Takes a
-// folder, lends files.
+// The models and worlds of a folder, by content: from them a peer's replicas are made where the
+// recording lacks its batches, and its pages found. Takes a folder, lends files.
 
 #include <memory>
 #include <optional>
@@ -13,11 +13,12 @@
 
 namespace nearmesh::subscriber {
 
-/// Threads: any; one file is lent at a time, and tiles of worlds are opened for as long as they are lent.
+/// Threads: any; one file is lent at a time, and tiles of worlds are opened for as long as they are
+/// lent.
 class DetailFolder {
  public:
-  /// All files of the folder whose names end with .spm, and all worlds in it: its own folders, or it is one itself.
-  /// Errors: kNotFound where there is no such folder; kIo.
+  /// All files of the folder whose names end with .spm, and all worlds in it: its own folders, or
+  /// it is one itself. Errors: kNotFound where there is no such folder; kIo.
   [[nodiscard]] static Result<std::unique_ptr<DetailFolder>> open(const std::string& folder);
 
   /// Calls use(file) with the model or tile of this content. Out: false where there is none.

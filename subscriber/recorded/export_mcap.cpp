@@ -281,8 +281,8 @@ class FirstLook {
   Derived& derived_;
   std::map<std::pair<wire::SessionId, std::uint32_t>, std::string> names_;  // of bodies
   std::set<std::string> moved_;
-  std::map<std::string, std::pair<std::int64_t, Pose>>
-      first_;  // that was asked about, or told of in its place
+  // That was asked about, or told of in its place.
+  std::map<std::string, std::pair<std::int64_t, Pose>> first_;
   std::string touching_, any_;
 };
 

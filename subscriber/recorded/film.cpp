@@ -282,8 +282,8 @@ class FilmBus {
   FilmWorld& world_;
   FilmOnlooker* const onlooker_;
   std::map<std::string, Peer> peers_;
-  std::map<std::pair<wire::SessionId, std::uint32_t>, std::string>
-      names_;  // of bodies, by mover and number
+  // Of bodies, by mover and number.
+  std::map<std::pair<wire::SessionId, std::uint32_t>, std::string> names_;
 };
 
 }  // namespace

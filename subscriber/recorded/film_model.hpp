@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a film tells of one model (takes meshes that peers hold, gives numbers of their faces and nodes): each once, however many hold it.
-// For film.cpp alone.
+// What a film tells of one model (takes meshes that peers hold, gives numbers of their faces and
+// nodes): each once, however many hold it. For film.cpp alone.
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The bytes of a film: numbers and poses, told as differences (takes values, gives bytes). player/film.js reads them.
+// The bytes of a film: numbers and poses, told as differences (takes values, gives bytes).
+// player/film.js reads them.
 
 #include <array>
 #include <cmath>

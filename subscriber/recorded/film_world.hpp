@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What all peers of a film share (takes headers and poses, gives numbers of models and bodies). For film.cpp alone.
+// What all peers of a film share (takes headers and poses, gives numbers of models and bodies). For
+// film.cpp alone.
 
 #include <algorithm>
 #include <cstdint>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What movers said of their bodies, for a while: poses, promises and who the bodies are, each as it was known to one who had heard so far
-// (takes samples in the order of the recording, gives what a bounds report rests on).
+// What movers said of their bodies, for a while: poses, promises and who the bodies are, each as it
+// was known to one who had heard so far (takes samples in the order of the recording, gives what a
+// bounds report rests on).
 
 #include <algorithm>
 #include <array>
@@ -19,7 +20,8 @@
 
 namespace nearmesh::subscriber {
 
-/// A report is judged when so many messages more have been read: what it rests on comes by other ways, some milliseconds before or after.
+/// A report is judged when so many messages more have been read: what it rests on comes by other
+/// ways, some milliseconds before or after.
 inline constexpr std::int64_t kMessagesARound = 8192;
 /// Poses that others have followed are kept for so many rounds.
 inline constexpr int kRoundsKept = 3;
@@ -28,17 +30,20 @@ inline constexpr int kRoundsKept = 3;
 using Participant = std::array<std::uint8_t, 12>;
 [[nodiscard]] Participant participant_of(const RecordedWriter& writer);
 
-/// Tells the numbers of a mover's samples apart for as long as a recording is: they are of 32 bits, and what follows the highest is 1 again, for 0 is
-/// no number. Samples of 10,000 bodies come to that in a day.
+/// Tells the numbers of a mover's samples apart for as long as a recording is: they are of 32 bits,
+/// and what follows the highest is 1 again, for 0 is no number. Samples of 10,000 bodies come to
+/// that in a day.
 class SampleNumbers {
  public:
-  /// A sample came. Out: its place among all of the mover's; of two places the higher was said later.
+  /// A sample came. Out: its place among all of the mover's; of two places the higher was said
+  /// later.
   std::uint64_t take(std::uint32_t number) {
     const std::uint64_t place = place_of(number);
     last_ = std::max(last_, place);
     return place;
   }
-  /// Of a number that a peer had heard by about now: the nearest to the last one that came. Of 0, which nobody has said: 0.
+  /// Of a number that a peer had heard by about now: the nearest to the last one that came. Of 0,
+  /// which nobody has said: 0.
   [[nodiscard]] std::uint64_t place_of(std::uint32_t number) const {
     if (number == 0) return 0;
     // There is room below the first for one of before it that comes later.
@@ -60,7 +65,8 @@ class SampleNumbers {
 /// Samples of poses of one topic, by part and place (SampleNumbers).
 class PoseSamples {
  public:
-  /// The bodies of a part may come in several samples, so many at most: as many count as the last one.
+  /// The bodies of a part may come in several samples, so many at most: as many count as the last
+  /// one.
   explicit PoseSamples(std::size_t samples_a_part) : samples_a_part_(samples_a_part) {}
 
   void take(wire::BodyPoses&& poses, int round);
@@ -76,7 +82,8 @@ class PoseSamples {
   };
   /// Where the last samples of its part have the body, of those up to `last`.
   [[nodiscard]] Found find(std::uint32_t number, std::uint32_t last) const;
-  /// The same of the links of a robot, by number: where the last instant of one update has them of which all had come. Empty where there is none.
+  /// The same of the links of a robot, by number: where the last instant of one update has them of
+  /// which all had come. Empty where there is none.
   using Links = std::map<std::uint32_t, Found>;
   [[nodiscard]] Links find_links(std::uint32_t first, std::uint32_t links,
                                  std::uint32_t last) const;
@@ -101,12 +108,12 @@ class PoseSamples {
   SampleNumbers numbers_;
   std::map<std::uint32_t, std::map<std::uint64_t, Sample>> parts_;  // by place
   std::uint64_t unknown_until_ = 0;
-  std::deque<std::pair<std::uint64_t, std::uint64_t>>
-      holes_;  // places of samples that did not come
+  // Places of samples that did not come.
+  std::deque<std::pair<std::uint64_t, std::uint64_t>> holes_;
 };
 
-/// Where the links of robots were, as one report rests on them: looked for once for each robot, however many links it has. What it gives holds until
-/// samples come or are forgotten.
+/// Where the links of robots were, as one report rests on them: looked for once for each robot,
+/// however many links it has. What it gives holds until samples come or are forgotten.
 class FoundLinks {
  public:
   [[nodiscard]] PoseSamples::Found find(const PoseSamples& samples,
@@ -119,7 +126,8 @@ class FoundLinks {
       robots_;
 };
 
-/// What one participant said of the bodies that one session moves: who they are, their poses and promises for a while.
+/// What one participant said of the bodies that one session moves: who they are, their poses and
+/// promises for a while.
 class PoseTape {
  public:
   explicit PoseTape(const Participant& participant) : participant_(participant) {}
@@ -136,7 +144,8 @@ class PoseTape {
 
   /// Null where no directory told.
   [[nodiscard]] const wire::BodyDirectory::Body* who_is(std::uint32_t number) const;
-  /// What was promised of a body at that time, as one knows it who heard all up to `last`: `is_known` is false where nothing was.
+  /// What was promised of a body at that time, as one knows it who heard all up to `last`:
+  /// `is_known` is false where nothing was.
   struct FoundPromise {
     bool is_known = false;
     std::optional<wire::BodyPromise> holds;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why what comes out is what the peer said: bounds follow from headers, poses and velocities alone (core/THEOREM.md, "Free by bounds"), so
-// which bodies there were before, and in which order, does not count.
+// Why what comes out is what the peer said: bounds follow from headers, poses and velocities alone
+// (core/THEOREM.md, "Free by bounds"), so which bodies there were before, and in which order, does
+// not count.
 #include "prove_bounds.hpp"
 
 #include <algorithm>
@@ -211,8 +212,9 @@ class Prover {
     return {body.name, body.content, body.company};
   }
 
-  /// The bodies of a mover, as one participant tells of them: first the peer's own by the participant that reports, then the latest first,
-  /// for one session may have had several. `use` gives true where it has found what it looked for.
+  /// The bodies of a mover, as one participant tells of them: first the peer's own by the
+  /// participant that reports, then the latest first, for one session may have had several. `use`
+  /// gives true where it has found what it looked for.
   template <class Use>
   bool look_at_tapes(const Participant& peer_from, wire::SessionId peer, const WatchedBody& body,
                      const Use& use) {
@@ -228,11 +230,11 @@ class Prover {
 
   struct FoundPose {
     const wire::BodyPoses::Body* body = nullptr;
-    bool is_certain =
-        false;  // no other can be meant: it is the peer's own, and nothing of the mover's is missing
+    // No other can be meant: it is the peer's own, and nothing of the mover's is missing.
+    bool is_certain = false;
   };
-  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked for here. `exactly`: in the sample of that
-  /// sequence.
+  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked
+  /// for here. `exactly`: in the sample of that sequence.
   FoundPose find_pose(const Participant& peer_from, wire::SessionId peer, WatchedBody& body,
                       const wire::BoundsReport::Heard& heard,
                       const std::optional<std::uint32_t>& exactly, FoundLinks& links) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Proves what was free by bounds in a recorded session, and that what was not has reports of its own: makes each peer's boxes again from headers, what it said it watches and
-// recorded poses and promises, and counts which of them do not meet (takes a recording, gives what agrees and what does not).
+// Proves what was free by bounds in a recorded session, and that what was not has reports of its
+// own: makes each peer's boxes again from headers, what it said it watches and recorded poses and
+// promises, and counts which of them do not meet (takes a recording, gives what agrees and what
+// does not).
 
 #include <cstdint>
 #include <map>
@@ -30,11 +32,13 @@ struct BoundsProof {
   std::uint64_t before = 0;      ///< sent before the recorder heard the first of their peer
   std::uint64_t pairs = 0;       ///< answers: said to be free, in all frames together
   std::uint64_t proved_pairs = 0;
-  /// Pairs that the same poses put near each other, in all frames of proved reports together, but the last of each peer, whose answers may
-  /// come after the recording's end; and those of them of which the peer reported no answer.
+  /// Pairs that the same poses put near each other, in all frames of proved reports together, but
+  /// the last of each peer, whose answers may come after the recording's end; and those of them of
+  /// which the peer reported no answer.
   std::uint64_t near_pairs = 0, unreported = 0;
   std::string first_unreported;  ///< one line on the first of these; else empty
-  /// Samples in which a body is where its mover had promised that it is not: what others said may be false.
+  /// Samples in which a body is where its mover had promised that it is not: what others said may
+  /// be false.
   std::uint64_t broken = 0;
   std::string first_broken;             ///< one line on the first of these; else empty
   std::uint64_t digest = 0;             ///< of all that was found, for comparing builds
@@ -43,8 +47,9 @@ struct BoundsProof {
 };
 inline constexpr std::size_t kMaxWrongBounds = 16;
 
-/// Memory: some ten thousand messages, and a box for each watched body of each peer.
-/// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory for a header's model.
+/// Memory: some ten thousand messages, and a box for each watched body of each peer. Errors: those
+/// of the reader; kUnsupported for another wire version; kIo where there is no memory for a
+/// header's model.
 [[nodiscard]] Result<BoundsProof> prove_bounds(RecordingReader& recording);
 
 }  // namespace nearmesh::subscriber

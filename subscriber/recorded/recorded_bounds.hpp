@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The bounds of models and worlds whose headers are recorded (takes headers and batches, gives boxes and reaches).
+// The bounds of models and worlds whose headers are recorded (takes headers and batches, gives
+// boxes and reaches).
 
 #include <map>
 

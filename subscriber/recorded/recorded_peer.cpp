@@ -12,8 +12,9 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Batches, requests and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
-/// so many rounds, are enough for the one to be found in the other.
+/// Batches, requests and what the peer said it held come to a recorder by different ways, some
+/// milliseconds apart: so many batches, and so many rounds, are enough for the one to be found in
+/// the other.
 constexpr std::size_t kLatest = 1024;
 constexpr std::size_t kMaxComplaints = 16;
 
@@ -207,7 +208,8 @@ RecordedPeer::Reach RecordedPeer::reach(const Wanted& wanted, const ModelSources
   }
 }
 
-/// Where detail was given up, what was held before has all that is held then: so the next stretch begins without a file.
+/// Where detail was given up, what was held before has all that is held then: so the next stretch
+/// begins without a file.
 void RecordedPeer::hand_over(Stream& stream, const ContentHash& content,
                              const ModelSources& sources) {
   Stretch &before = stream[0], &next = stream[1];

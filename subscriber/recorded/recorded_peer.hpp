@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A recorded session, lived through again: each peer takes in its recorded batches just as far as each of its reports says,
-// and what it then is may be looked at (takes a recording, gives visits). What verify and scenes share.
-// Where batches are missing, a peer is taken up again from where it said what it held, with the model's file.
-// No network, no clock: the same on every machine, build and number of threads.
+// A recorded session, lived through again: each peer takes in its recorded batches just as far as
+// each of its reports says, and what it then is may be looked at (takes a recording, gives visits).
+// What verify and scenes share. Where batches are missing, a peer is taken up again from where it
+// said what it held, with the model's file. No network, no clock: the same on every machine, build
+// and number of threads.
 
 #include <deque>
 #include <functional>
@@ -30,8 +31,9 @@ struct RecordedReport {
   wire::ContactReport message;
 };
 
-/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time, or its mover gone; or that no pose had
-/// come, and it was asked all the same. Empty where that is not so.
+/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time,
+/// or its mover gone; or that no pose had come, and it was asked all the same. Empty where that is
+/// not so.
 [[nodiscard]] std::string why_stale(const wire::ContactReport& report);
 
 /// Whether all that it says is what a session says where nothing is known: that nobody knows.
@@ -95,7 +97,9 @@ class RecordedPeer {
   enum class Standing {
     kReached,   ///< this peer has taken in what the report's had
     kNotAsked,  ///< the peer lacked a header or a pose, so there is nothing to reach
-    kStale,  ///< by the times that the report has, or the mover was gone: nothing can be certified, whatever was here
+    /// By the times that the report has, or the mover was gone: nothing can be certified, whatever
+    /// was here.
+    kStale,
     kGaveUp,   ///< the peer had given up detail, and what it held from then on is not recorded
     kLacking,  ///< batches or a header that the peer had are not in the recording
     kNoFile,   ///< the same, but with a model's file it might be reached
@@ -104,12 +108,14 @@ class RecordedPeer {
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 
   // Of a report that is reached, inside visit():
-  /// Whether both bodies are replicas that have the states which the report names. Never where one is a world.
+  /// Whether both bodies are replicas that have the states which the report names. Never where one
+  /// is a world.
   [[nodiscard]] bool is_rebuilt(const wire::ContactReport& report, Standing standing) const;
   /// One line on the first replica that has another state; empty where all have theirs.
   [[nodiscard]] std::string why_not_rebuilt(const wire::ContactReport& report) const;
   [[nodiscard]] const Replica& replica(const ContentHash& content) const;
-  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by kCutTests. Precondition: none is a world.
+  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by
+  /// kCutTests. Precondition: none is a world.
   [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
                                      const AnswerOptions& options = {}) const;
   /// Of a report about a world: the other body, and each tile that was asked, in the tile's place.
@@ -152,7 +158,8 @@ class RecordedPeer {
     /// Out: whether the batch is the next one.
     bool follow(const Batch& batch);
   };
-  /// What the peer was sent of one model without a gap: from the base mesh, or from what it said it held.
+  /// What the peer was sent of one model without a gap: from the base mesh, or from what it said it
+  /// held.
   struct Stretch {
     std::optional<wire::HeldDetail> held;
     Numbers numbers;
@@ -235,8 +242,8 @@ struct Played {
 class Playing {
  public:
   explicit Playing(PlayPlan plan);
-  /// Takes what came since the last call. In: the same recording each time, opened anew. `final`: nothing more comes.
-  /// Errors: those of play(); after one nothing more may be asked.
+  /// Takes what came since the last call. In: the same recording each time, opened anew. `final`:
+  /// nothing more comes. Errors: those of play(); after one nothing more may be asked.
   [[nodiscard]] Status go_on(RecordingReader& recording, bool final);
   [[nodiscard]] const Played& played() const { return played_; }
   [[nodiscard]] Played finish();
@@ -248,9 +255,10 @@ class Playing {
   std::int64_t next_ = 1;
 };
 
-/// Visits of one peer come in order, those of different peers at once. Memory: the peers' replicas, a few thousand messages,
-/// and batches that no wanted report speaks of yet.
-/// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory for replicas.
+/// Visits of one peer come in order, those of different peers at once. Memory: the peers' replicas,
+/// a few thousand messages, and batches that no wanted report speaks of yet.
+/// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory
+/// for replicas.
 [[nodiscard]] Result<Played> play(RecordingReader& recording, const PlayPlan& plan);
 
 }  // namespace nearmesh::subscriber

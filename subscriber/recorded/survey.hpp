@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The counts of a recorded session (takes a recording, gives Survey): what info prints and the page of report begins with.
+// The counts of a recorded session (takes a recording, gives Survey): what info prints and the page
+// of report begins with.
 
 #include <array>
 #include <cstdint>
@@ -26,8 +27,8 @@ struct TopicCount {
 /// Of whom the recorder heard nothing of what was sent first.
 struct LateWriter {
   std::size_t topic = 0;
-  std::string
-      who;  ///< the publisher or peer, of batches "PUBLISHER to PEER"; "" where no sample says so
+  /// The publisher or peer, of batches "PUBLISHER to PEER"; "" where no sample says so.
+  std::string who;
   std::uint64_t first_sequence = 0;  ///< that was heard
 };
 
@@ -48,7 +49,8 @@ struct Survey {
   std::vector<double> to_certified_s;  // ascending
 };
 
-/// Errors: kUnsupported for another wire version; those of the reader. Samples that do not decode count as samples, and no further.
+/// Errors: kUnsupported for another wire version; those of the reader. Samples that do not decode
+/// count as samples, and no further.
 [[nodiscard]] Result<Survey> survey(RecordingReader& recording);
 
 /// From the first report of a pair that is not certified to the next that is.

@@ -42,7 +42,8 @@ class CheckedPeer final : public RecordedPeer {
     }
   }
 
-  /// Where nothing could be known, which the report itself says, nothing may be claimed. `counted`: what it counts as then.
+  /// Where nothing could be known, which the report itself says, nothing may be claimed. `counted`:
+  /// what it counts as then.
   void expect_nothing(const RecordedReport& report, std::uint64_t& counted,
                       const std::string& why) {
     const wire::ContactReport& recorded = report.message;
@@ -121,8 +122,9 @@ class CheckedPeer final : public RecordedPeer {
     differ(std::move(difference));
   }
 
-  /// What was found depends on the peer's options, and, where its tests were spent, on its processor: so what it lists is looked at
-  /// pair by pair, and not searched for. What else it says is counted again, as far as it follows whatever the options were.
+  /// What was found depends on the peer's options, and, where its tests were spent, on its
+  /// processor: so what it lists is looked at pair by pair, and not searched for. What else it says
+  /// is counted again, as far as it follows whatever the options were.
   void compare_cut(const RecordedReport& report) {
     const wire::ContactReport& recorded = report.message;
     const std::string what = why_unproved(recorded);
@@ -197,9 +199,10 @@ class CheckedPeer final : public RecordedPeer {
            std::to_string(total) + (is_all ? "" : ", which may not be all");
   }
 
-  /// Of one that leaves something open. Where it has a bound, its tests did not end the search: it is made again, to its end, and gives the same. Without
-  /// pairs it was one for any pair, since no other option cuts such an answer. Where it has no bound, what was found is some of what there is. That is
-  /// counted as far as kCutTests go, or it might cost more than the peer could spend.
+  /// Of one that leaves something open. Where it has a bound, its tests did not end the search: it
+  /// is made again, to its end, and gives the same. Without pairs it was one for any pair, since no
+  /// other option cuts such an answer. Where it has no bound, what was found is some of what there
+  /// is. That is counted as far as kCutTests go, or it might cost more than the peer could spend.
   [[nodiscard]] static std::string why_not_open(const wire::ContactReport& recorded,
                                                 const std::vector<Part>& parts, bool is_all,
                                                 const std::string& said) {
@@ -313,7 +316,8 @@ class CheckedPeer final : public RecordedPeer {
                       });
   }
 
-  /// A clearance is a bound: less than what can be proved is true, too. The peer may have sought longer than is the default.
+  /// A clearance is a bound: less than what can be proved is true, too. The peer may have sought
+  /// longer than is the default.
   bool is_bound_proved(const wire::ContactReport& recorded, const Answer& answer) const {
     if (recorded.clearance_m <= answer.clearance_m) return true;
     const Result<Again> sought = ask_again(recorded, {.clearance = Clearance::kExact});

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A peer as it reports: which bodies it watches, what it has answered, which of its bounds reports wait to be judged.
+// A peer as it reports: which bodies it watches, what it has answered, which of its bounds reports
+// wait to be judged.
 
 #include <algorithm>
 #include <cstdint>

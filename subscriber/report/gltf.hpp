@@ -91,8 +91,9 @@ class Gltf {
   void set(std::size_t node, const char* property, nlohmann::ordered_json value) {
     json_["nodes"][node][property] = std::move(value);
   }
-  /// A property of a node over time: "translation", "rotation" (x, y, z, w) or "scale". `values`: as many for each time.
-  /// `is_step`: it stays as it is until the next time, else it goes there in a straight line.
+  /// A property of a node over time: "translation", "rotation" (x, y, z, w) or "scale". `values`:
+  /// as many for each time. `is_step`: it stays as it is until the next time, else it goes there in
+  /// a straight line.
   void animate(std::size_t node, const char* property, std::span<const double> times_s,
                std::span<const double> values, bool is_step) {
     const std::size_t width = values.size() / times_s.size();
@@ -161,8 +162,8 @@ class Gltf {
     return json_["accessors"].size() - 1;
   }
 
-  // Node 0 does nothing but turn z up into y up, by -90 degrees about x. Who knows the generator can leave that out, as
-  // core/meshio does.
+  // Node 0 does nothing but turn z up into y up, by -90 degrees about x. Who knows the generator
+  // can leave that out, as core/meshio does.
   nlohmann::ordered_json json_ = {
       {"asset", {{"version", "2.0"}, {"generator", "nearmesh-subscriber export"}}},
       {"scene", 0},

@@ -12,7 +12,8 @@
 namespace nearmesh::subscriber::report {
 namespace {
 
-// Colours of statuses and peers are told apart with any colour vision (Okabe and Ito), on light and on dark.
+// Colours of statuses and peers are told apart with any colour vision (Okabe and Ito), on light and
+// on dark.
 constexpr const char* kStyle = R"css(
 :root{color-scheme:light dark;--back:#fff;--text:#1c2430;--dim:#556070;--line:#c9d0d8;--grid:#e8ecf0;--panel:#f5f7f9;
 --free:#009e73;--contact:#d6006c;--partial:#cc79a7;--uncertain:#f0a000;--contained:#56b4e9;--bytes:#0072b2}
@@ -95,7 +96,8 @@ std::string in_short(const Survey& survey) {
          " of them certified, " + number(static_cast<double>(bytes) / 1e6, 3) + " MB";
 }
 
-/// What is far from everything may change in the picture some 3,000 times: in a session of 10 minutes 5 times a second.
+/// What is far from everything may change in the picture some 3,000 times: in a session of 10
+/// minutes 5 times a second.
 FilmPlan plan_for(double duration_s) {
   return {.least_step_ms = static_cast<std::int64_t>(duration_s / 3)};
 }

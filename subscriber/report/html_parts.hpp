@@ -31,13 +31,15 @@ struct PeerHistory {
   std::vector<Certified> certified;
 };
 
-/// Bins are whole frames long, and a frame falls into the bin of its number: so equal bins have equally many frames.
+/// Bins are whole frames long, and a frame falls into the bin of its number: so equal bins have
+/// equally many frames.
 struct History {
   double duration_s = 0;
   std::size_t bins = 1;
   double bin_s = 0;
   std::map<std::string, PeerHistory> peers;  ///< by partition
-  /// Of each body that touched something, the most touching face pairs of any answer about it, bin by bin.
+  /// Of each body that touched something, the most touching face pairs of any answer about it, bin
+  /// by bin.
   std::map<std::string, std::vector<std::uint32_t>> contacts;
 };
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The colours of refined meshes, in files and pictures. What is exact has one colour a body; what is not runs from yellow to red
-// with the logarithm of its eps, from 1/8192 of the model's size to 1/8 and more.
+// The colours of refined meshes, in files and pictures. What is exact has one colour a body; what
+// is not runs from yellow to red with the logarithm of its eps, from 1/8192 of the model's size to
+// 1/8 and more.
 
 #include <algorithm>
 #include <array>

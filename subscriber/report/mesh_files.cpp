@@ -17,14 +17,15 @@ void put_vertex(std::string& out, const Vector& at, const Colour& colour, double
   put(out, static_cast<float>(eps_m));
 }
 
-/// Slender tetrahedra around the segments of contact, four faces each: few programs draw a file's lines, fewer in their
-/// colour.
+/// Slender tetrahedra around the segments of contact, four faces each: few programs draw a file's
+/// lines, fewer in their colour.
 struct Splints {
   std::vector<Vector> positions;
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// Half their thickness: a 200th of the extent of all contacts, or of the smaller body where they are at one point.
+/// Half their thickness: a 200th of the extent of all contacts, or of the smaller body where they
+/// are at one point.
 double splint_radius_m(const RecordedScene& scene) {
   double extent_m = 0;
   for (std::size_t k = 0; k < 3; ++k) {

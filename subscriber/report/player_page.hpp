@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The moving picture on the page (takes a Film, gives HTML): its streams, deflated and as text, and the scripts of player/.
+// The moving picture on the page (takes a Film, gives HTML): its streams, deflated and as text, and
+// the scripts of player/.
 
 #include <map>
 #include <string>
@@ -13,8 +14,8 @@ namespace nearmesh::subscriber::report {
 
 /// As they were when this was built.
 struct PlayerFiles {
-  std::string_view
-      three;  ///< three.js; empty where it was not there: there is no moving picture then
+  /// three.js; empty where it was not there: there is no moving picture then.
+  std::string_view three;
   std::string_view three_licence, script, style, markup;
 };
 [[nodiscard]] const PlayerFiles& player_files();

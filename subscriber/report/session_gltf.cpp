@@ -119,7 +119,8 @@ class GltfPeer final : public RecordedPeer {
       for (std::size_t k = 0; k < 3; ++k)
         body.places.push_back(asked.pose.translation_m[k] - picture_.origin[k]);
       std::array<double, 4> q = quaternion_of_rotation(asked.pose.rotation);
-      // Of the two that stand for a rotation the nearer one: or it would turn once around between them.
+      // Of the two that stand for a rotation the nearer one: or it would turn once around between
+      // them.
       if (!body.turns.empty()) {
         const double* last = &body.turns[body.turns.size() - 4];
         if (q[1] * last[0] + q[2] * last[1] + q[3] * last[2] + q[0] * last[3] < 0)

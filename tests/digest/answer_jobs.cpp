@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A peer's run: refinement in both directions, demand, answers with their clearance, down to the last bit.
+// A peer's run: refinement in both directions, demand, answers with their clearance, down to the
+// last bit.
 #include "jobs.hpp"
 #include "random_policies.hpp"
 

@@ -8,8 +8,9 @@
 namespace nearmesh::digest_jobs {
 namespace {
 
-// Corners on a lattice of `side` points an axis, `scale` apart, each moved by at most `jitter`: small sides make coplanar,
-// touching and degenerate triangles common, and a jitter of 1 at a great scale makes them almost so.
+// Corners on a lattice of `side` points an axis, `scale` apart, each moved by at most `jitter`:
+// small sides make coplanar, touching and degenerate triangles common, and a jitter of 1 at a great
+// scale makes them almost so.
 std::uint64_t predicates(std::uint32_t side, std::int64_t scale, std::uint32_t jitter) {
   Random random(side * 1000 + jitter);
   Digest digest;

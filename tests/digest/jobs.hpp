@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Fixed work whose results must be the same bits whatever compiler, optimisation and number of threads.
-// A new room adds its jobs as a file of its own, with one function here and one line in all_jobs().
+// Fixed work whose results must be the same bits whatever compiler, optimisation and number of
+// threads. A new room adds its jobs as a file of its own, with one function here and one line in
+// all_jobs().
 
 #include <bit>
 #include <cstdint>

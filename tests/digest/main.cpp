@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prints one line a job: its name and the digest of all that it computed. The lines must be the same for every compiler,
-// optimisation and number of threads; compare_builds.sh compares builds.
+// Prints one line a job: its name and the digest of all that it computed. The lines must be the
+// same for every compiler, optimisation and number of threads; compare_builds.sh compares builds.
 //   nearmesh-digest [--threads N]     each job in N threads at once, which must agree
 
 #include <CLI/CLI.hpp>

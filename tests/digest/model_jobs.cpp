@@ -8,7 +8,8 @@
 namespace nearmesh::digest_jobs {
 namespace {
 
-// Everything that stands in the file: header, blocks with all boxes, face numbers; and the clean-up's report.
+// Everything that stands in the file: header, blocks with all boxes, face numbers; and the
+// clean-up's report.
 std::uint64_t baked(const IndexedMesh& mesh, int grid_bits, std::uint32_t base_faces) {
   const Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = grid_bits});
   if (!clean.is_ok()) return 0;

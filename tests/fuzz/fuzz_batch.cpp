@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a hostile publisher can do to a peer: batches of any bytes, or true batches with some bits changed, applied to a
-// replica of a small model; and what a hostile peer can do to a publisher: requests of any content.
-// Holds: what is not refused leaves a replica in order, and its tree answers as one made afresh.
+// What a hostile publisher can do to a peer: batches of any bytes, or true batches with some bits
+// changed, applied to a replica of a small model; and what a hostile peer can do to a publisher:
+// requests of any content. Holds: what is not refused leaves a replica in order, and its tree
+// answers as one made afresh.
 
 #include "core/demand/collect.hpp"
 #include "core/refine/refined_mesh.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A grid of heights of one of the formats that our own readers take, and the mesh that it becomes. The first byte names the
-// format and the frame, the second what the options say.
+// A grid of heights of one of the formats that our own readers take, and the mesh that it becomes.
+// The first byte names the format and the frame, the second what the options say.
 
 #include <cmath>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh file of one of the four formats that our own readers take, then its clean-up and, where it is small, the
-// baking of a model. The first byte names the format.
+// A mesh file of one of the four formats that our own readers take, then its clean-up and, where it
+// is small, the baking of a model. The first byte names the format.
 
 #include "core/meshio/plain_formats.hpp"
 #include "fuzz_input.hpp"

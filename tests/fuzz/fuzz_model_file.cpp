@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// An .spm file of any content. The first byte says what the rest is: a file as it stands; a file whose checksums are
-// put right first, so that the decoders behind them are reached; changes to a true file, put right too; or a header.
+// An .spm file of any content. The first byte says what the rest is: a file as it stands; a file
+// whose checksums are put right first, so that the decoders behind them are reached; changes to a
+// true file, put right too; or a header.
 
 #include <sys/mman.h>
 #include <unistd.h>

@@ -40,7 +40,8 @@ inline FullModel make_model(const IndexedMesh& mesh, int grid_bits) {
   return {std::move(baked).value(), *std::move(tree)};
 }
 
-/// A sphere and a rough patch of ground, both of some 80 vertices (more than a slot holds), and a soup.
+/// A sphere and a rough patch of ground, both of some 80 vertices (more than a slot holds), and a
+/// soup.
 inline const std::vector<FullModel>& models() {
   static const std::vector<FullModel> all = [] {
     std::vector<FullModel> made;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poses and triangles as raw numbers: the guard of poses, the exact triangle test, and the conservative box tests,
-// which must never part what the exact test finds touching.
+// Poses and triangles as raw numbers: the guard of poses, the exact triangle test, and the
+// conservative box tests, which must never part what the exact test finds touching.
 
 #include <algorithm>
 #include <cmath>
@@ -13,8 +13,8 @@ using namespace nearmesh;
 
 namespace {
 
-/// Rotations from small quaternions, since raw doubles are hardly ever orthonormal; one entry in four poses is then
-/// replaced by a raw double.
+/// Rotations from small quaternions, since raw doubles are hardly ever orthonormal; one entry in
+/// four poses is then replaced by a raw double.
 Pose read_pose(fuzz::FuzzInput& in) {
   Pose pose;
   const std::uint8_t kind = in.byte();

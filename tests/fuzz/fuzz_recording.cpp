@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bytes are an MCAP file that is opened as a recording.
-// Holds: it is refused, or what it unpacks to is read to its end; checksums are put right by none, so seeds have none (0).
+// Holds: it is refused, or what it unpacks to is read to its end; checksums are put right by none,
+// so seeds have none (0).
 
 #include <unistd.h>
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A message of ROS 2 of any bytes, as it comes from whoever writes on a topic that moves a body. The first byte names the type.
-// Holds: what is accepted as transforms survives the way to bytes and back; what is accepted as a pose is one.
+// A message of ROS 2 of any bytes, as it comes from whoever writes on a topic that moves a body.
+// The first byte names the type. Holds: what is accepted as transforms survives the way to bytes
+// and back; what is accepted as a pose is one.
 
 #include <algorithm>
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A message for the door, as it came from the network. The first byte: 1 asks for a good header, so that more than that is
-// reached. Holds: what passes passes again as it is handed on, every submessage of it lies inside it, a lease that is rewritten
-// leaves it right, and nothing is left to change of what was changed. What another speaker adds is a shorter message.
+// A message for the door, as it came from the network. The first byte: 1 asks for a good header, so
+// that more than that is reached. Holds: what passes passes again as it is handed on, every
+// submessage of it lies inside it, a lease that is rewritten leaves it right, and nothing is left
+// to change of what was changed. What another speaker adds is a shorter message.
 
 #include <memory>
 #include <vector>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes are a program of what a peer does with two bodies: single splits and collapses on a complete store for one,
-// stored blocks, small batches, collapse and forget on a replica for the other, and queries in between.
-// Holds: no answer contradicts the full meshes; trees that followed answer as trees made afresh; the state's hash is a
-// function of the set of active vertices.
+// The bytes are a program of what a peer does with two bodies: single splits and collapses on a
+// complete store for one, stored blocks, small batches, collapse and forget on a replica for the
+// other, and queries in between. Holds: no answer contradicts the full meshes; trees that followed
+// answer as trees made afresh; the state's hash is a function of the set of active vertices.
 
 #include <map>
 

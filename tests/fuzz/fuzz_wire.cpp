@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A sample of any bytes, through the very code that Fast DDS calls, then decode() with its checks. The first byte names
-// the type; its top bit asks for a good head (encapsulation and version), so that more than those is reached.
-// Holds: what is accepted survives the way to bytes and back.
+// A sample of any bytes, through the very code that Fast DDS calls, then decode() with its checks.
+// The first byte names the type; its top bit asks for a good head (encapsulation and version), so
+// that more than those is reached. Holds: what is accepted survives the way to bytes and back.
 
 #include "fuzz_input.hpp"
 #include "idl/dds/codec.hpp"

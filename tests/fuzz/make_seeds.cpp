@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the binary seeds. Usage: fuzz_make_seeds FOLDER (tests/fuzz/seeds). The text seeds of import_mesh are by hand.
-// To be run again, and its files checked in, when a format or a target's reading of its bytes changes.
+// Writes the binary seeds. Usage: fuzz_make_seeds FOLDER (tests/fuzz/seeds). The text seeds of
+// import_mesh are by hand. To be run again, and its files checked in, when a format or a target's
+// reading of its bytes changes.
 
 #include <filesystem>
 #include <fstream>

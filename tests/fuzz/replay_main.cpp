@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Feeds files, and the files of folders, to a fuzz target: how builds without libFuzzer run the seeds.
+// Feeds files, and the files of folders, to a fuzz target: how builds without libFuzzer run the
+// seeds.
 
 #include <algorithm>
 #include <filesystem>

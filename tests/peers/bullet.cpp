@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bullet GImpact without margin, by its collision algorithm directly: contactPairTest finds nothing for such shapes. It has
-// no early out, and its triangle test is a conservative one, so it reports more pairs than touch.
+// Bullet GImpact without margin, by its collision algorithm directly: contactPairTest finds nothing
+// for such shapes. It has no early out, and its triangle test is a conservative one, so it reports
+// more pairs than touch.
 #include <BulletCollision/Gimpact/btGImpactCollisionAlgorithm.h>
 #include <BulletCollision/Gimpact/btGImpactShape.h>
 #include <btBulletCollisionCommon.h>
@@ -132,7 +133,8 @@ class Bullet : public Peer {
                                           -1, -1);
     const btCollisionObjectWrapper wrap_b(nullptr, b.getCollisionShape(), &b, b.getWorldTransform(),
                                           -1, -1);
-    // What contactPairTest does, with the algorithm that a step of the world uses: GImpact registers no other.
+    // What contactPairTest does, with the algorithm that a step of the world uses: GImpact
+    // registers no other.
     btCollisionAlgorithm* algorithm =
         dispatcher_.findAlgorithm(&wrap_a, &wrap_b, nullptr, BT_CONTACT_POINT_ALGORITHMS);
     Found found(&wrap_a, &wrap_b, with_places);

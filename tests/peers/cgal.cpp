@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// CGAL with exact predicates and inexact constructions, in two ways. Rigid_triangle_mesh_collision_detection moves trees by
-// transforms; it says whether surfaces meet, not where. An AABB_tree of a's posed triangles answers for each of b's;
-// posed points are doubles: rotation and translation round, which matters only where the true point is no double.
+// CGAL with exact predicates and inexact constructions, in two ways.
+// Rigid_triangle_mesh_collision_detection moves trees by transforms; it says whether surfaces meet,
+// not where. An AABB_tree of a's posed triangles answers for each of b's; posed points are doubles:
+// rotation and translation round, which matters only where the true point is no double.
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
@@ -44,7 +45,8 @@ Triangles triangles(const IndexedMesh& mesh, const Pose& pose) {
   return out;
 }
 
-// A non-manifold face cannot be added to such a mesh; it is left out, and the answer may differ for it.
+// A non-manifold face cannot be added to such a mesh; it is left out, and the answer may differ for
+// it.
 Mesh surface(const IndexedMesh& mesh, const Pose& pose) {
   Mesh out;
   for (const Kernel::Point_3& p : posed(mesh, pose)) out.add_vertex(p);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Embree's rtcCollide over user geometry. It knows no transforms, so body b is placed into a's frame and its tree is
-// refitted for each pose, which counts as query time; it has no early out either. Pairs of boxes come by a callback;
-// the triangle test in it is ours, since the library has none.
+// Embree's rtcCollide over user geometry. It knows no transforms, so body b is placed into a's
+// frame and its tree is refitted for each pose, which counts as query time; it has no early out
+// either. Pairs of boxes come by a callback; the triangle test in it is ours, since the library has
+// none.
 #include <embree3/rtcore.h>
 
 #include <algorithm>

@@ -17,7 +17,8 @@ class EmbreeRays {
   EmbreeRays(const EmbreeRays&) = delete;
   EmbreeRays& operator=(const EmbreeRays&) = delete;
 
-  /// The distance of the first hit of each, infinite where there is none; one by one, or in packets of eight.
+  /// The distance of the first hit of each, infinite where there is none; one by one, or in packets
+  /// of eight.
   void trace(std::span<const RayProbe> rays, std::span<float> distances_m, bool packets) const;
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// FCL: two BVHModels, collide() with the request for one contact or for all. OBB and OBBRSS only: with AABB and RSS it
-// copies the whole mesh in every call.
+// FCL: two BVHModels, collide() with the request for one contact or for all. OBB and OBBRSS only:
+// with AABB and RSS it copies the whole mesh in every call.
 #include <fcl/fcl.h>
 
 #include <set>

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The libraries that nearmesh is held against, one adapter each: two whole meshes, and what is asked of them under poses. All
-// are given the same triangles, in metres, and the same poses, and do what a careful user of each would do. nearmesh-perf
-// and nearmesh-chart time them, nearmesh-stability holds their answers against the truth.
+// The libraries that nearmesh is held against, one adapter each: two whole meshes, and what is
+// asked of them under poses. All are given the same triangles, in metres, and the same poses, and
+// do what a careful user of each would do. nearmesh-perf and nearmesh-chart time them,
+// nearmesh-stability holds their answers against the truth.
 
 #include <array>
 #include <cstdint>
@@ -23,18 +24,20 @@ struct ContactPoint {
   double depth_m = 0;                      ///< of the two triangles, along the normal
 };
 
-/// Built once, then asked pose by pose. What a library does not offer is nothing. Functions may throw std::exception, and
-/// one that is used beyond what it documents may crash or hang.
+/// Built once, then asked pose by pose. What a library does not offer is nothing. Functions may
+/// throw std::exception, and one that is used beyond what it documents may crash or hang.
 class Peer {
  public:
   virtual ~Peer() = default;
-  /// Places the bodies. Not timed: transforms are copied here, and a progressive replica fetches what it lacks.
+  /// Places the bodies. Not timed: transforms are copied here, and a progressive replica fetches
+  /// what it lacks.
   virtual void place(const Pose& a, const Pose& b) = 0;
   /// First contact: whether they touch. Timed.
   virtual bool touches() = 0;
   /// All touching pairs of triangles. Timed.
   virtual std::optional<std::uint64_t> count_pairs() { return std::nullopt; }
-  /// Refits whatever it has to `positions_m` of body b after every vertex moved; false where the library cannot. Timed.
+  /// Refits whatever it has to `positions_m` of body b after every vertex moved; false where the
+  /// library cannot. Timed.
   virtual bool refit_b(const std::vector<std::array<double, 3>>& /*positions_m*/) { return false; }
 
   /// Distinct touching pairs of triangles, among as many as the library finds until it has `limit`.
@@ -63,12 +66,14 @@ struct PeerInfo {
   bool (*reads)(const std::string& path) = nullptr;
 };
 
-// Each is there where its target nearmesh_peer_NAME is, which defines NEARMESH_PEER_NAME for whoever links it.
+// Each is there where its target nearmesh_peer_NAME is, which defines NEARMESH_PEER_NAME for
+// whoever links it.
 [[nodiscard]] PeerInfo fcl_obb();
 [[nodiscard]] PeerInfo fcl_obbrss();
 [[nodiscard]] PeerInfo coal_obbrss();
 [[nodiscard]] PeerInfo pqp();
-/// The precision is that of the target: nearmesh_peer_bullet, as its users have it, or nearmesh_peer_bullet_double.
+/// The precision is that of the target: nearmesh_peer_bullet, as its users have it, or
+/// nearmesh_peer_bullet_double.
 [[nodiscard]] PeerInfo bullet();
 [[nodiscard]] PeerInfo embree();
 /// Trees of both bodies, moved by transforms: whether surfaces meet, not where.

@@ -22,8 +22,9 @@ class Pqp : public Peer {
   }
   bool touches() override { return collide(PQP_FIRST_CONTACT) > 0; }
   std::optional<std::uint64_t> count_pairs() override { return collide(PQP_ALL_CONTACTS); }
-  // A search begins with the triangles that were nearest in the one before. Poses here do not follow each other, and the same one is
-  // timed several times: each begins as the first of all does.
+  // A search begins with the triangles that were nearest in the one before. Poses here do not
+  // follow each other, and the same one is timed several times: each begins as the first of all
+  // does.
   std::optional<double> distance_m() override {
     a_.model.last_tri = a_.model.tris;
     b_.model.last_tri = b_.model.tris;

@@ -175,7 +175,8 @@ TEST_P(BatchStream, HalfSpacesAreNeverWrongWhateverIsLost) {
       b.evict_some(random);
       expect_never_wrong(ask(a, b, posed), full);
     }
-    // What was lost comes after all. (That certifies, but for nodes that are split further and whose boxes reach farther.)
+    // What was lost comes after all. (That certifies, but for nodes that are split further and
+    // whose boxes reach farther.)
     for (const Sent& sent : stream_.batches(posed)) {
       (sent.to_a ? a : b).apply(sent.bytes);
       (sent.to_a ? bare_a : bare_b).apply(sent.bytes);
@@ -223,8 +224,9 @@ TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
   }
 }
 
-// Requests that overlap bring the same splits with other boxes, and what is lost leaves nodes with an ancestor's. Which
-// batch comes first must not show in the answer, not even in what it lacks or in its clearance.
+// Requests that overlap bring the same splits with other boxes, and what is lost leaves nodes with
+// an ancestor's. Which batch comes first must not show in the answer, not even in what it lacks or
+// in its clearance.
 TEST_P(BatchStream, OverlappingBatchesInAnyOrderGiveTheSameAnswers) {
   std::uint64_t lacking = 0;
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
@@ -260,8 +262,9 @@ TEST_P(BatchStream, OverlappingBatchesInAnyOrderGiveTheSameAnswers) {
   EXPECT_GT(lacking, 0U);
 }
 
-// Demand by the other body's posed boxes, the way a subscriber predicts. One request certifies nearly always; not in
-// every pose, since quantised boxes do not nest: a child's may meet the region where its parent's does not.
+// Demand by the other body's posed boxes, the way a subscriber predicts. One request certifies
+// nearly always; not in every pose, since quantised boxes do not nest: a child's may meet the
+// region where its parent's does not.
 TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInTwoRequests) {
   const auto faces_b = test::all_faces(b_.store);
   for (std::uint64_t seed = 0; seed < 30; ++seed) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The nearmesh-model program on meshes of every format: true sizes, units and axes, nodes, and the way back.
+// The nearmesh-model program on meshes of every format: true sizes, units and axes, nodes, and the
+// way back.
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
@@ -240,7 +241,8 @@ TEST_F(ModelImportProgram, WritesNodesWhereLinksLeadIfAllCanBeWritten) {
   write(mesh, small_and_large("1"));
   fs::create_directory(nodes);
   fs::create_symlink("../later", nodes + "/small.spm");
-  // A file may have a name of this length, but none with a further ending: the first model can be written, the second cannot.
+  // A file may have a name of this length, but none with a further ending: the first model can be
+  // written, the second cannot.
   fs::create_symlink("../" + std::string(250, 'x'), nodes + "/large.spm");
   const Ended refused = run(command);
   EXPECT_EQ(refused.code, 256);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solid bodies by the nearmesh-model program: a closed terrain, an aircraft below it, recorded answers.
+// Solid bodies by the nearmesh-model program: a closed terrain, an aircraft below it, recorded
+// answers.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -97,8 +98,8 @@ TEST_F(ModelSolidProgram, QueryFindsTheAircraftUnderGround) {
   }
 }
 
-// 300 grains are too many parts to be proved outside a solid among them: that is said of this pose, as by `full`, and the next
-// one is answered.
+// 300 grains are too many parts to be proved outside a solid among them: that is said of this pose,
+// as by `full`, and the next one is answered.
 TEST_F(ModelSolidProgram, QueryGoesOnAfterAPoseThatIsUncertain) {
   const test::TempFile mesh(".obj"), dust, ball, poses(".csv");
   {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad numbers in the pose file of `nearmesh-model query`: refused with file, line, body and pose named.
+// Bad numbers in the pose file of `nearmesh-model query`: refused with file, line, body and pose
+// named.
 #include <sys/wait.h>
 
 #include <filesystem>

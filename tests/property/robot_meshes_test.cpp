@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The links of a UR5, each as Collada (Z_UP, for the eye) and as STL (for collisions): where the two surfaces
-// lie nearer to each other than the answer is to changing, the answers are the same.
+// The links of a UR5, each as Collada (Z_UP, for the eye) and as STL (for collisions): where the
+// two surfaces lie nearer to each other than the answer is to changing, the answers are the same.
 #include <cmath>
 #include <filesystem>
 
@@ -22,7 +22,8 @@ Vector along(const Vector& a, const Vector& d, double t) {
   return {a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2]};
 }
 
-/// Ericson, Real-Time Collision Detection, 2005, section 5.1.5: squared distance of a point from a triangle.
+/// Ericson, Real-Time Collision Detection, 2005, section 5.1.5: squared distance of a point from a
+/// triangle.
 double square_distance(const Vector& p, const std::array<Vector, 3>& t) {
   const Vector ab = t[1] - t[0], ac = t[2] - t[0], ap = p - t[0];
   const double d1 = dot(ab, ap), d2 = dot(ac, ap);
@@ -52,7 +53,8 @@ std::vector<std::array<Vector, 3>> triangles_of(const IndexedMesh& mesh) {
   return out;
 }
 
-/// Greatest distance of any point of `from` to `to`, too large by at most `step_m`, the distance of samples.
+/// Greatest distance of any point of `from` to `to`, too large by at most `step_m`, the distance of
+/// samples.
 double one_sided_m(const IndexedMesh& from, const IndexedMesh& to, double step_m) {
   const auto targets = triangles_of(to);
   std::vector<std::pair<Vector, double>> balls;
@@ -121,7 +123,8 @@ Pose pose_near_plate(Random& random) {
   return pose;
 }
 
-/// How far the mesh is above or below the plate, or how deep in it: what must move for the answer to change.
+/// How far the mesh is above or below the plate, or how deep in it: what must move for the answer
+/// to change.
 double margin_m(const IndexedMesh& mesh, const Pose& pose) {
   double lo = 1e9, hi = -1e9;
   for (const auto& face : mesh.faces)

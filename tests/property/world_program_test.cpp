@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-model build-world: grids and meshes in, a world out; plans; what is there is not baked again.
+// nearmesh-model build-world: grids and meshes in, a world out; plans; what is there is not baked
+// again.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -290,7 +291,8 @@ TEST_F(WorldProgram, APlanFollowsTheLatticeOfTheWorldThatIsThere) {
   }
 }
 
-// Two inputs that fall on the same points of the lattice from other places: their tiles differ in what rounding took.
+// Two inputs that fall on the same points of the lattice from other places: their tiles differ in
+// what rounding took.
 TEST_F(WorldProgram, ItsNameDoesNotFollowFromWhatWasBakedBefore) {
   const auto build = [this](const std::string& east, const std::string& world) {
     return parse(model("build-world " + path("hill.raw") +
@@ -361,7 +363,8 @@ TEST_F(WorldProgram, APlansCommandsMakeTheSameWorld) {
   EXPECT_NE(text.find("--only $tile"), std::string::npos);
 }
 
-// The first tile is reported, then the grid changes; the pipe holds fewer lines than the 1,200 tiles have, so not all of them were read before.
+// The first tile is reported, then the grid changes; the pipe holds fewer lines than the 1,200
+// tiles have, so not all of them were read before.
 TEST_F(WorldProgram, AnInputThatChangesWhileItIsReadMakesNoWorld) {
   const Ended ended =
       run_command("{ " + program() + " build-world " + raw_flags() + " --faces 2 -o " + path("w") +
@@ -426,7 +429,8 @@ TEST_F(WorldProgram, NamesOfFilesMayHoldAnyBytes) {
   EXPECT_EQ(parse(model("info --json '" + odd + "/v'")).at("world"), direct.at("world"));
 }
 
-/// Of the hill's frame: one pose a line, with the same poses of both bodies turned and moved together.
+/// Of the hill's frame: one pose a line, with the same poses of both bodies turned and moved
+/// together.
 void write_poses(const std::string& path, int count) {
   Random random(12);
   std::ofstream out(path);
@@ -548,7 +552,8 @@ TEST_F(WorldProgram, SaysWhatIsWrong) {
   says(model("info " + world), fs::path(page).filename().string());
 }
 
-// Eight such pages would take 36^7 steps; of four whoever follows each entry comes to the end, and says something else.
+// Eight such pages would take 36^7 steps; of four whoever follows each entry comes to the end, and
+// says something else.
 TEST_F(WorldProgram, RefusesAWorldWhosePagesAreListedAgain) {
   const WorldPages hostile = test::world_that_repeats_its_pages(4);
   ASSERT_TRUE(write_world(hostile, path("w")).is_ok());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Is every stored bound of a progressive model a bound? An independent check over all nodes of the merge forest and
-// over levels of detail, from the faces and positions alone.
+// Is every stored bound of a progressive model a bound? An independent check over all nodes of the
+// merge forest and over levels of detail, from the faces and positions alone.
 
 #include <algorithm>
 #include <cmath>
@@ -39,8 +39,8 @@ class FacesOfVertex {
 
 /// Distance of two grid points, rounded up.
 inline double distance_up(const GridPoint& p, const GridPoint& q) {
-  std::int64_t square =
-      0;  // of 32-bit differences: below 2^66 only in theory, grids have 31 bits at most
+  // Of 32-bit differences: below 2^66 only in theory, grids have 31 bits at most.
+  std::int64_t square = 0;
   for (int k = 0; k < 3; ++k) {
     const std::int64_t d = std::int64_t{p[k]} - q[k];
     square += d * d;
@@ -50,9 +50,10 @@ inline double distance_up(const GridPoint& p, const GridPoint& q) {
   return std::nextafter(std::sqrt(std::nextafter(rounded, 1e300)), 1e300);
 }
 
-/// Checks one node: each original face with a corner below it lies, corner by corner, inside the node's box and within
-/// node_bound of the vertex that stands for the node. A triangle lies where its corners lie, since boxes and balls are
-/// convex. Appends to `trouble` and stops at the first violation.
+/// Checks one node: each original face with a corner below it lies, corner by corner, inside the
+/// node's box and within node_bound of the vertex that stands for the node. A triangle lies where
+/// its corners lie, since boxes and balls are convex. Appends to `trouble` and stops at the first
+/// violation.
 inline void check_node(const SplitStore& store, const FacesOfVertex& faces, NodeSpan node,
                        std::string& trouble) {
   if (!trouble.empty()) return;
@@ -74,8 +75,9 @@ inline void check_node(const SplitStore& store, const FacesOfVertex& faces, Node
       }
 }
 
-/// Checks a level: in the current mesh each face with a corner in an unresolved node has an image that holds the vertex
-/// standing for it (so the distance above is one to the image), or has fallen together to an edge or point that does.
+/// Checks a level: in the current mesh each face with a corner in an unresolved node has an image
+/// that holds the vertex standing for it (so the distance above is one to the image), or has fallen
+/// together to an edge or point that does.
 inline void check_level(const ActiveMesh& mesh, const FacesOfVertex& faces, std::string& trouble) {
   if (!trouble.empty()) return;
   const SplitStore& store = mesh.store();
@@ -95,8 +97,9 @@ inline void check_level(const ActiveMesh& mesh, const FacesOfVertex& faces, std:
   }
 }
 
-/// Every node of the forest, and `levels` levels of global refinement between base and full mesh. Empty when all holds,
-/// else the first violation. The store is complete. Cost: O(faces x (depth + levels)).
+/// Every node of the forest, and `levels` levels of global refinement between base and full mesh.
+/// Empty when all holds, else the first violation. The store is complete. Cost: O(faces x (depth +
+/// levels)).
 [[nodiscard]] inline std::string check_bounds(const SplitStore& store, std::size_t levels) {
   const FacesOfVertex faces(store);
   std::string trouble;

@@ -155,8 +155,8 @@ inline bool slab_holds(const TreeEntry& entry, const GridPoint& p) {
          along <= static_cast<double>(entry.slab.to);
 }
 
-/// Checks on the way that every entry's box and slab enclose the faces below it and all original faces that touch a
-/// vertex below its unresolved nodes.
+/// Checks on the way that every entry's box and slab enclose the faces below it and all original
+/// faces that touch a vertex below its unresolved nodes.
 inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
   TreeContent content;
   struct Step {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How far contacts of coarser levels are from the truth: scenes of known surfaces, and the errors of
-// approximate_contacts against them at several shares of the splits.
+// How far contacts of coarser levels are from the truth: scenes of known surfaces, and the errors
+// of approximate_contacts against them at several shares of the splits.
 
 #include <algorithm>
 #include <cmath>
@@ -138,7 +138,8 @@ struct ContactErrors {
          position_max_m = 0;  ///< of segment ends from the farther true surface
   double normal_max_rad = 0;  ///< between a patch's normal and the true one at its centroid
   double uncertainty_m = 0;   ///< greatest stated
-  /// Greatest distance of a segment's ends from a full mesh, as a share of what is stated for it: at most 1.
+  /// Greatest distance of a segment's ends from a full mesh, as a share of what is stated for it:
+  /// at most 1.
   double bound_use = 0;
   bool approximate = false;
 };

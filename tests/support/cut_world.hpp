@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A terrain that was cut into the tiles of a world, a ball, and places where the two are near each other.
+// A terrain that was cut into the tiles of a world, a ball, and places where the two are near each
+// other.
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Distance of a point from a lattice triangle in 113-bit arithmetic: differences of doubles and lattice coordinates
-// below 2^60 cells are exact to 2^-50 cells, far below the errors that tests look for.
+// Distance of a point from a lattice triangle in 113-bit arithmetic: differences of doubles and
+// lattice coordinates below 2^60 cells are exact to 2^-50 cells, far below the errors that tests
+// look for.
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The judge of answers: holds what was answered from partial data against the answer of the full meshes for the same poses.
-// Everything that the project promises of an answer stands here, and nowhere else in the tests.
+// The judge of answers: holds what was answered from partial data against the answer of the full
+// meshes for the same poses. Everything that the project promises of an answer stands here, and
+// nowhere else in the tests.
 
 #include <algorithm>
 #include <string>
@@ -11,8 +12,8 @@
 
 namespace nearmesh::test {
 
-/// Whether what is said of a pose contradicts the full meshes: empty when it does not, else how. Of an answer that is not
-/// certified only the pairs say something.
+/// Whether what is said of a pose contradicts the full meshes: empty when it does not, else how. Of
+/// an answer that is not certified only the pairs say something.
 inline std::string contradiction(AnswerStatus status, const std::vector<FacePair>& pairs,
                                  const Answer& full) {
   if (!is_certified(status))
@@ -28,8 +29,9 @@ inline std::string contradiction(AnswerStatus status, const std::vector<FacePair
   return {};
 }
 
-/// What is wrong with an answer; empty when nothing is. Preconditions: no body has more parts than answers about insides look
-/// at (such answers stay open whatever has come), or a part that is a single point (what is not known of it is in its place).
+/// What is wrong with an answer; empty when nothing is. Preconditions: no body has more parts than
+/// answers about insides look at (such answers stay open whatever has come), or a part that is a
+/// single point (what is not known of it is in its place).
 inline std::string fault_of(const Answer& answer, const Answer& full) {
   if (std::string wrong = contradiction(answer.status, answer.pairs, full); !wrong.empty())
     return wrong;

@@ -76,7 +76,8 @@ inline void tell_half_spaces(LocalModel& model, const TrueHalfSpaces& truth, Ran
   model.tree.update(delta);
 }
 
-/// Of nodes that a treelet makes and does not divide, of half as many of its other nodes' children, and of some roots.
+/// Of nodes that a treelet makes and does not divide, of half as many of its other nodes' children,
+/// and of some roots.
 inline std::vector<NodeHalfSpace> random_half_spaces(const SplitStore& store,
                                                      const Treelet& treelet,
                                                      const TrueHalfSpaces& truth, Random& random,

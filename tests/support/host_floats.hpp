@@ -28,7 +28,8 @@ struct HostFloats {
                  : "memory");
     return found;
   }
-  /// And the old unit has an exception raised (the root of pi is not exact), which waits to trap where that is let.
+  /// And the old unit has an exception raised (the root of pi is not exact), which waits to trap
+  /// where that is let.
   void set() const {
     const std::uint16_t plain = 0x037f;
     asm volatile("fnclex\n\tfldcw %2\n\tfldpi\n\tfsqrt\n\tfstp %%st(0)\n\tldmxcsr %0\n\tfldcw %1"
@@ -49,8 +50,8 @@ inline constexpr HostFloats kHostFloats[] = {
     {"all of it, in single precision", 0xe040, 0x0c40},
 };
 
-/// `work` must give the same in each environment, on each instruction set, and leave the environment as it was. It must
-/// not compute by itself, as that would trap.
+/// `work` must give the same in each environment, on each instruction set, and leave the
+/// environment as it was. It must not compute by itself, as that would trap.
 template <class Work>
 void expect_same_under_all_floats(const Work& work) {
   const auto expected = work();

@@ -10,8 +10,9 @@
 
 namespace nearmesh::test {
 
-/// A page of each level below `levels`, at most 8, which lists the one of the level below (level 0: a tile that is nowhere) as often as it may: in boxes of one
-/// corner, each wider than the one before. Each page is what its parent announces, and the record has room for all that they list.
+/// A page of each level below `levels`, at most 8, which lists the one of the level below (level 0:
+/// a tile that is nowhere) as often as it may: in boxes of one corner, each wider than the one
+/// before. Each page is what its parent announces, and the record has room for all that they list.
 inline WorldPages world_that_repeats_its_pages(int levels) {
   WorldPages out{.world = {.tiles = std::uint64_t{1} << 62,
                            .faces = std::uint64_t{1} << 63,

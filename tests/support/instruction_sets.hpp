@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// One binary holds code for several instruction sets and takes the best that the processor has: here each of them.
+// One binary holds code for several instruction sets and takes the best that the processor has:
+// here each of them.
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>

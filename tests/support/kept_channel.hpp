@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A peer's channel whose samples are kept as a recorder would hear them, to be spoilt and written; and what recordings they give.
+// A peer's channel whose samples are kept as a recorder would hear them, to be spoilt and written;
+// and what recordings they give.
 
 #include <gtest/gtest.h>
 
@@ -22,8 +23,8 @@ struct KeptSample {
                wire::BodyPromises, wire::WatchedBodies, wire::BoundsReport, wire::ContactReport,
                wire::HeldDetail, wire::RegionSubscription>
       message;
-  wire::SplitBatchMessage
-      batch{};  ///< instead, where it is for a peer; it may have no bytes, but it has a number
+  /// Instead, where it is for a peer; it may have no bytes, but it has a number.
+  wire::SplitBatchMessage batch{};
   wire::SessionId peer = 0;
 
   [[nodiscard]] bool is_batch() const { return peer != 0; }

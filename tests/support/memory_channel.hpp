@@ -2,11 +2,11 @@
 #pragma once
 // Both channels without a network: one bus, any number of publishers and peers, in one thread. Each
 // kind of message may be lost, repeated and delayed (unequally, which reorders) by a seeded policy.
-// A transport without a server: publisher::Service serves, where subscriber::LocalChannel is a server without a transport.
-// Announcements and the news that somebody is gone arrive as DDS has it: late joiners get the
-// former, and a hello is not delivered once its sender is gone. Everything the code under test
-// sends must pass wire::check, as it would have to with DDS. Peers acknowledge what they take (not counted
-// in `subscriptions`).
+// A transport without a server: publisher::Service serves, where subscriber::LocalChannel is a
+// server without a transport. Announcements and the news that somebody is gone arrive as DDS has
+// it: late joiners get the former, and a hello is not delivered once its sender is gone. Everything
+// the code under test sends must pass wire::check, as it would have to with DDS. Peers acknowledge
+// what they take (not counted in `subscriptions`).
 
 #include <gtest/gtest.h>
 
@@ -66,7 +66,8 @@ class MemoryBus {
       at->second.batches.push(now_, message);
   }
   void inject(const wire::BodyPose& pose) { to_peers(pose); }
-  /// Of bodies that a directory has named, as all that peers send are. What happens on the way to a peer happens to all of the sample.
+  /// Of bodies that a directory has named, as all that peers send are. What happens on the way to a
+  /// peer happens to all of the sample.
   void inject(const wire::BodyPoses& poses) {
     std::vector<wire::BodyPose> sample;
     for (const wire::BodyPoses::Body& body : poses.bodies) {

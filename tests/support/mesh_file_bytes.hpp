@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// One tetrahedron in the bytes of every format, as its specification has it. Written here and not by
-// an exporter, which might turn or scale what its importer turns back.
+// One tetrahedron in the bytes of every format, as its specification has it. Written here and not
+// by an exporter, which might turn or scale what its importer turns back.
 
 #include <array>
 #include <bit>
@@ -50,7 +50,8 @@ void put(std::string& out, T value) {
 
 // ---- Collada ------------------------------------------------------------------------------------
 
-/// `asset`: what stands in it, e.g. a unit and an up axis. `nodes`: of the visual scene; #g is the tetrahedron.
+/// `asset`: what stands in it, e.g. a unit and an up axis. `nodes`: of the visual scene; #g is the
+/// tetrahedron.
 inline std::string collada(const std::string& asset, const std::string& nodes) {
   std::string indices;
   for (const auto& face : kTetrahedronFaces)
@@ -231,8 +232,8 @@ inline std::string gltf_buffer() {
     for (const int v : face) put(binary, static_cast<std::uint16_t>(v));
   return binary;
 }
-/// `nodes`: the JSON objects of all nodes, of which the first is the scene's root; mesh 0 is the tetrahedron. `where`: the
-/// buffer's bytes are.
+/// `nodes`: the JSON objects of all nodes, of which the first is the scene's root; mesh 0 is the
+/// tetrahedron. `where`: the buffer's bytes are.
 inline std::string gltf(const std::string& nodes, const std::string& where) {
   return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[)" + nodes +
          R"(],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
@@ -268,7 +269,8 @@ inline std::uint32_t crc32(const std::string& bytes) {
   }
   return ~crc;
 }
-/// A deflate stream of one block: each byte as the fixed code has it (RFC 1951, 3.2.6), so that none stands there as it is.
+/// A deflate stream of one block: each byte as the fixed code has it (RFC 1951, 3.2.6), so that
+/// none stands there as it is.
 inline std::string deflate(const std::string& bytes) {
   std::string out;
   unsigned used = 0;

@@ -39,7 +39,8 @@ class ModelPair : public ::testing::TestWithParam<ModelNames> {
     return motions;
   }
 
-  /// Both models, each refined at random, every other pair with half-spaces, and what is left of the random numbers.
+  /// Both models, each refined at random, every other pair with half-spaces, and what is left of
+  /// the random numbers.
   struct State {
     State(const ModelPair& pair, std::uint64_t seed)
         : random(seed),

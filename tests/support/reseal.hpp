@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Makes every hash and seal of a model file right again after its bytes were changed, as its writer would have set them: what
-// lies behind them is then tested. Sections that leave the file are left alone.
+// Makes every hash and seal of a model file right again after its bytes were changed, as its writer
+// would have set them: what lies behind them is then tested. Sections that leave the file are left
+// alone.
 
 #include <cstddef>
 #include <cstdint>

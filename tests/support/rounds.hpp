@@ -10,8 +10,8 @@ inline constexpr bool kSanitized = true;
 inline constexpr bool kSanitized = false;
 #endif
 
-/// As many as that; under the address sanitizer a tenth, which takes the same steps: there they must only read and
-/// overflow nothing. That all answers are right, the other builds show.
+/// As many as that; under the address sanitizer a tenth, which takes the same steps: there they
+/// must only read and overflow nothing. That all answers are right, the other builds show.
 constexpr int rounds(int count) { return !kSanitized ? count : count < 10 ? 1 : count / 10; }
 
 }  // namespace nearmesh::test

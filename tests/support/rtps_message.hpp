@@ -163,7 +163,8 @@ class Rtps {
     begin_parameter(0x0071).u8(0).u8(0).u8(0).u8(3).end_parameter();
     return sentinel().end();
   }
-  /// What a participant says of an endpoint of its own, up to its own parameters; close with finish_announcement().
+  /// What a participant says of an endpoint of its own, up to its own parameters; close with
+  /// finish_announcement().
   Rtps& begin_endpoint(bool is_writer, const std::string& topic, const std::string& type,
                        std::int64_t number = 1) {
     begin_data(is_writer ? 0x000003c7 : 0x000004c7,
@@ -173,14 +174,16 @@ class Rtps {
     begin_parameter(0x05).text(topic).end_parameter();
     return begin_parameter(0x07).text(type).end_parameter();
   }
-  /// The type of an endpoint, a union by the kind of a type that nobody knows: Fast DDS 2.9 follows a null pointer there.
+  /// The type of an endpoint, a union by the kind of a type that nobody knows: Fast DDS 2.9 follows
+  /// a null pointer there.
   Rtps& malformed_type() {
     constexpr std::uint8_t kComplete = 0xf2, kUnion = 0x52;
     begin_parameter(0x69).encapsulation(1).u8(kComplete).zeros(15).end_parameter();
     begin_parameter(0x72).encapsulation(1).u8(kComplete).u8(kUnion).zeros(24);
     return u8(kComplete).zeros(33).u32(1).zeros(60).end_parameter();  // its kind; one member
   }
-  /// Of a sample: `count` fragments of `size` bytes, from the `first` on. Flags: 2 inline QoS follow, 4 key.
+  /// Of a sample: `count` fragments of `size` bytes, from the `first` on. Flags: 2 inline QoS
+  /// follow, 4 key.
   Rtps& fragments(std::uint32_t first, std::uint16_t count, std::uint16_t size, std::uint32_t total,
                   std::size_t held, std::uint32_t writer = 0x103, std::uint8_t flags = 0,
                   std::uint32_t reader = 0, std::int64_t number = 1) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A session of any length without flying it: peers that circle over a terrain, are sent all of its detail little by little,
-// and report at every frame. What a replay or a reader has to go through; answers in it are not true.
+// A session of any length without flying it: peers that circle over a terrain, are sent all of its
+// detail little by little, and report at every frame. What a replay or a reader has to go through;
+// answers in it are not true.
 
 #include "session_file.hpp"
 #include "test_models.hpp"

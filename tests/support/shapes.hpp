@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Shapes whose contacts are known in closed form. Metres; closed ones are oriented outward, open ones upward (+z).
-// No library sin or cos: the same bits on every machine.
+// Shapes whose contacts are known in closed form. Metres; closed ones are oriented outward, open
+// ones upward (+z). No library sin or cos: the same bits on every machine.
 
 #include <array>
 #include <cstdint>
@@ -36,8 +36,8 @@ class ShapeBuilder {
   IndexedMesh mesh_;
 };
 
-/// Cosine and sine of `step` parts of a full turn cut into `steps`: by Taylor series in the first octant, and by
-/// symmetry, so that quarter turns are exact and opposite points mirror each other.
+/// Cosine and sine of `step` parts of a full turn cut into `steps`: by Taylor series in the first
+/// octant, and by symmetry, so that quarter turns are exact and opposite points mirror each other.
 inline std::array<double, 2> unit_circle(std::uint32_t step, std::uint32_t steps) {
   const std::uint64_t eighths = 8ULL * (step % steps), octant = eighths / steps;
   const std::uint64_t rest = octant % 2 == 0 ? eighths % steps : steps - eighths % steps;
@@ -96,7 +96,8 @@ inline IndexedMesh make_plane(double size_m, std::uint32_t quads) {
   return shape.take();
 }
 
-/// A slab of side `size_m`: its top is make_plane's square, its bottom the same at -thickness_m. Closed.
+/// A slab of side `size_m`: its top is make_plane's square, its bottom the same at -thickness_m.
+/// Closed.
 inline IndexedMesh make_plate(double size_m, double thickness_m, std::uint32_t quads) {
   ShapeBuilder shape;
   const auto at = [&](std::uint32_t i, std::uint32_t j, bool top) {
@@ -118,8 +119,8 @@ inline IndexedMesh make_plate(double size_m, double thickness_m, std::uint32_t q
   return shape.take();
 }
 
-/// A torus about the z axis: tube of radius `tube_m` around a circle of radius `ring_m` in z = 0; `around` steps along
-/// the circle, `across` around the tube.
+/// A torus about the z axis: tube of radius `tube_m` around a circle of radius `ring_m` in z = 0;
+/// `around` steps along the circle, `across` around the tube.
 inline IndexedMesh make_torus(double ring_m, double tube_m, std::uint32_t around,
                               std::uint32_t across) {
   ShapeBuilder shape;
@@ -135,8 +136,8 @@ inline IndexedMesh make_torus(double ring_m, double tube_m, std::uint32_t around
   return shape.take();
 }
 
-/// A cone: base disc of radius `radius_m` in z = 0, apex at z = height_m. `around` steps about the axis, `rings` along
-/// side and base. Closed.
+/// A cone: base disc of radius `radius_m` in z = 0, apex at z = height_m. `around` steps about the
+/// axis, `rings` along side and base. Closed.
 inline IndexedMesh make_cone(double radius_m, double height_m, std::uint32_t around,
                              std::uint32_t rings) {
   ShapeBuilder shape;
@@ -158,8 +159,8 @@ inline IndexedMesh make_cone(double radius_m, double height_m, std::uint32_t aro
   return shape.take();
 }
 
-/// A V-shaped trough along the y axis, facing up: z = slope * |x| over a square of side `size_m`. Slope is the tangent
-/// of each wall's angle with the ground. `quads` is even. Open.
+/// A V-shaped trough along the y axis, facing up: z = slope * |x| over a square of side `size_m`.
+/// Slope is the tangent of each wall's angle with the ground. `quads` is even. Open.
 inline IndexedMesh make_valley(double slope, double size_m, std::uint32_t quads) {
   IndexedMesh mesh = make_plane(size_m, quads);
   for (auto& p : mesh.positions_m) p[2] = slope * (p[0] < 0 ? -p[0] : p[0]);

@@ -72,7 +72,8 @@ inline IndexedMesh make_closed_terrain(std::uint32_t size, std::uint64_t seed, d
   return mesh;
 }
 
-/// Random unit cubes of a block of n^3, at whole numbers: edges with four faces, walls and edges along every axis ray.
+/// Random unit cubes of a block of n^3, at whole numbers: edges with four faces, walls and edges
+/// along every axis ray.
 struct Voxels {
   Voxels(int side, Random& random) : n(side), filled(static_cast<std::size_t>(n * n * n)) {
     for (std::size_t i = 0; i < filled.size(); ++i) filled[i] = random.below(2) == 0;
@@ -154,7 +155,8 @@ inline const std::vector<std::array<double, 9>>& quarter_turns() {
 
 __extension__ typedef __int128 Int128;
 
-/// Winding number of the full mesh about a point off it: a ray in a random direction that meets no edge.
+/// Winding number of the full mesh about a point off it: a ray in a random direction that meets no
+/// edge.
 inline int winding_number(const std::vector<LatticeTriangle>& faces, const LatticePoint& point) {
   using Vector = std::array<Int128, 3>;
   const auto det = [](const Vector& a, const Vector& b, const Vector& c) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Channels that keep what is sent, as a recorder on the bus would have heard it: each wraps another and writes every sample,
-// encoded as on the wire, to a recording, under times of a virtual clock. For sessions without DDS, faster than real time.
+// Channels that keep what is sent, as a recorder on the bus would have heard it: each wraps another
+// and writes every sample, encoded as on the wire, to a recording, under times of a virtual clock.
+// For sessions without DDS, faster than real time.
 
 #include <map>
 #include <memory>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A whole session without DDS, faster than real time: one publisher, any number of peers that each fly an aircraft over one
-// terrain and ask about the ground and the next peer's aircraft. Everything that is sent goes to a recording.
-// The same plan gives the same bytes on every machine.
+// A whole session without DDS, faster than real time: one publisher, any number of peers that each
+// fly an aircraft over one terrain and ask about the ground and the next peer's aircraft.
+// Everything that is sent goes to a recording. The same plan gives the same bytes on every machine.
 
 #include <memory>
 #include <string>

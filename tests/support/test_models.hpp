@@ -93,7 +93,8 @@ inline IndexedMesh make_book(std::uint32_t pages) {
 inline std::vector<std::string> mesh_names() {
   return {"terrain", "aircraft", "sphere", "soup", "components", "degenerate", "book", "one_face"};
 }
-/// Under sanitizers those that touch everywhere have a third of their faces: what touches grows with their square.
+/// Under sanitizers those that touch everywhere have a third of their faces: what touches grows
+/// with their square.
 inline IndexedMesh make_mesh(const std::string& name) {
   constexpr std::uint32_t kPart = kSanitized ? 3 : 1;
   if (name == "terrain") return generate_terrain(24, 7);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// Eigen's isometries, quaternions, vectors and boxes to ours and back, for hosts that have Eigen 3.3 or later; nearmesh itself does without. Of floats or
-// doubles; what a float rounds away from a rotation, sessions make good (orthonormal() in core/geometry/pose.hpp).
+// Eigen's isometries, quaternions, vectors and boxes to ours and back, for hosts that have Eigen
+// 3.3 or later; nearmesh itself does without. Of floats or doubles; what a float rounds away from a
+// rotation, sessions make good (orthonormal() in core/geometry/pose.hpp).
 
 #include <Eigen/Geometry>
 #include <array>
@@ -76,7 +77,8 @@ struct BoxCorners {
 [[nodiscard]] inline Eigen::AlignedBox3d to_aligned_box(const BoxCorners& box) {
   return {to_eigen(box.lo_m), to_eigen(box.hi_m)};
 }
-/// A box that stands along the axes of a frame, the world's if none is said. Precondition: it is not empty.
+/// A box that stands along the axes of a frame, the world's if none is said. Precondition: it is
+/// not empty.
 [[nodiscard]] inline BoxProbe to_box_probe(
     const Eigen::AlignedBox3d& box,
     const Eigen::Isometry3d& frame = Eigen::Isometry3d::Identity()) {

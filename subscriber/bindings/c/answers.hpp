@@ -34,7 +34,8 @@ struct ContentText {
 [[nodiscard]] nearmesh_model_facts facts_of(const SpmHeader& header, const ContentText& content);
 
 /// Patches are given one by one, so that they may grow; the library finds them behind the struct.
-/// These stay where they were made, for structs point into them, and are filled anew: a frame's arrays keep their memory.
+/// These stay where they were made, for structs point into them, and are filled anew: a frame's
+/// arrays keep their memory.
 struct OwnedContacts : nearmesh_contacts {
   OwnedContacts() : nearmesh_contacts{} {}
   OwnedContacts(const OwnedContacts&) = delete;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What every function of the C interface does before and after its work: no exception leaves, errors become numbers and text,
-// handles are told from each other, structs of other lengths are read.
+// What every function of the C interface does before and after its work: no exception leaves,
+// errors become numbers and text, handles are told from each other, structs of other lengths are
+// read.
 
 #include <algorithm>
 #include <atomic>
@@ -75,7 +76,8 @@ template <class Handle>
 nearmesh_status tell(nearmesh_error* error, nearmesh_status status, const char* message) noexcept;
 nearmesh_status tell(nearmesh_error* error, const Status& status) noexcept;
 
-/// Runs `body`, which gives a Status, in our floating-point environment, and whatever it throws becomes a status.
+/// Runs `body`, which gives a Status, in our floating-point environment, and whatever it throws
+/// becomes a status.
 template <class Body>
 nearmesh_status guarded(nearmesh_error* error, Body&& body) noexcept {
   const FloatGuard guard;
@@ -104,7 +106,8 @@ nearmesh_status guarded(Handle* handle, nearmesh_error* error, Body&& body) noex
 /// No option struct is shorter or longer: what claims to be was never initialised.
 inline constexpr std::size_t kLeastOptions = 2 * sizeof(std::size_t), kMostOptions = 1 << 16;
 
-/// A struct of options as this library knows it, of one that may be shorter or longer. `options` has the defaults.
+/// A struct of options as this library knows it, of one that may be shorter or longer. `options`
+/// has the defaults.
 template <class Options>
 [[nodiscard]] Status read_options(const Options* given, const char* name, Options& options) {
   static_assert(std::is_trivially_copyable_v<Options>);

@@ -23,7 +23,8 @@ Result<IndexedMesh> mesh_of(const double* positions_m, std::size_t vertex_count,
                             const std::uint32_t* faces, std::size_t face_count) {
   NEARMESH_RETURN_IF_ERROR(check_array(positions_m, vertex_count, "positions_m"));
   NEARMESH_RETURN_IF_ERROR(check_array(faces, face_count, "faces"));
-  // What follows says where these are too many for a model; this is that the arrays can be as long as they are said to be.
+  // What follows says where these are too many for a model; this is that the arrays can be as long
+  // as they are said to be.
   constexpr std::size_t kMost = std::size_t{1} << 31;
   if (vertex_count > kMost || face_count > kMost)
     return Status{StatusCode::kInvalidArgument, std::to_string(vertex_count) + " vertices and " +

@@ -18,8 +18,8 @@ struct SharedModel {
   explicit SharedModel(ModelFile opened) : file(std::move(opened)) {}
   ModelFile file;
   std::atomic<bool> in_use = false;
-  bool is_spoiled =
-      false;  // an exception came half-way through reading: what is held is not to be trusted
+  // An exception came half-way through reading: what is held is not to be trusted.
+  bool is_spoiled = false;
 };
 
 /// Runs `body`, which reads one file or two (`b` may be `a`), where nobody else does.

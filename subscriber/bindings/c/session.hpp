@@ -106,7 +106,8 @@ nearmesh_status reading(Handle* handle, nearmesh_error* error, Body&& body) noex
   });
 }
 
-/// Runs `body`, which may change the session. Whatever it throws leaves the session behind half-way: nothing is asked of it then.
+/// Runs `body`, which may change the session. Whatever it throws leaves the session behind
+/// half-way: nothing is asked of it then.
 template <class Body>
 nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&& body) noexcept {
   return reading(handle, error, [&]() -> Status {

@@ -26,7 +26,8 @@ namespace py = pybind11;
 
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-/// Raises the exception of nearmesh/errors.py that stands for the code, with the status's own text. With the interpreter's lock or without.
+/// Raises the exception of nearmesh/errors.py that stands for the code, with the status's own text.
+/// With the interpreter's lock or without.
 [[noreturn]] void raise(const Status& status);
 inline void need(const Status& status) {
   if (!status.is_ok()) raise(status);
@@ -40,8 +41,9 @@ template <class T>
   raise({StatusCode::kInvalidArgument, why});
 }
 
-/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range. A number that may have a fraction, as
-/// numpy.float32 and Decimal, is no whole one: pybind11 would cut the fraction off.
+/// What Python gave as `name`. Raises where it is none of that type, or a number out of its range.
+/// A number that may have a fraction, as numpy.float32 and Decimal, is no whole one: pybind11 would
+/// cut the fraction off.
 template <class T>
 [[nodiscard]] T given_as(const py::handle& given, const std::string& name) {
   try {
@@ -53,8 +55,9 @@ template <class T>
   }
 }
 
-/// Rigid placements as homogeneous matrices, x_world = M x_model, metres: an array (n, 4, 4), or (4, 4) for one.
-/// Raises where the shape or a last row is another; whether a rotation is one is checked where it is used.
+/// Rigid placements as homogeneous matrices, x_world = M x_model, metres: an array (n, 4, 4), or
+/// (4, 4) for one. Raises where the shape or a last row is another; whether a rotation is one is
+/// checked where it is used.
 [[nodiscard]] std::vector<Pose> poses_of(const Doubles& matrices, const char* name);
 [[nodiscard]] Pose pose_of(const Doubles& matrix, const char* name);
 using Matrix = std::array<std::array<double, 4>, 4>;
@@ -90,14 +93,15 @@ using HexText = std::array<char, 32>;
 struct Model {
   explicit Model(const std::string& path) : file(need(ModelFile::open(path))) {}
   ModelFile file;
-  std::mutex
-      mutex;  ///< of the file and of all that reads from it: Python's other threads run on meanwhile
+  /// Of the file and of all that reads from it: Python's other threads run on meanwhile.
+  std::mutex mutex;
   std::optional<LocalModel> probed;  ///< as far as probes have needed it
   bool is_spoiled = false;           ///< see reading()
 };
 
-/// Runs `body`, which reads `models` and refines what is held of them. Where it fails, mesh and tree may have parted: `forget` drops
-/// them. After an exception, such as want of memory, the files' own tables may be half-way: the models are refused from then on.
+/// Runs `body`, which reads `models` and refines what is held of them. Where it fails, mesh and
+/// tree may have parted: `forget` drops them. After an exception, such as want of memory, the
+/// files' own tables may be half-way: the models are refused from then on.
 template <class Forget, class Body>
 [[nodiscard]] Status reading(std::initializer_list<Model*> models, const Forget& forget,
                              const Body& body) {

@@ -40,8 +40,9 @@ subscriber::RunJobs jobs_on(unsigned threads) {
   };
 }
 
-/// Jobs of a frame as Python's callable spreads them: run_jobs(count, job) calls job(i) for each i below count, on whichever
-/// threads, and returns when all are done. A job runs without the interpreter's lock. What the callable raised is raised by update().
+/// Jobs of a frame as Python's callable spreads them: run_jobs(count, job) calls job(i) for each i
+/// below count, on whichever threads, and returns when all are done. A job runs without the
+/// interpreter's lock. What the callable raised is raised by update().
 subscriber::RunJobs jobs_of(py::function run) {
   // Let go under the lock, wherever the session ends.
   const std::shared_ptr<py::function> held(new py::function(std::move(run)), [](py::function* f) {

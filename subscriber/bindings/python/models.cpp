@@ -17,7 +17,8 @@ namespace {
 
 using Indices = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
 
-/// Numbers of vertices. A fraction, or a number that is none, NumPy would cut off, with a warning at most: another mesh.
+/// Numbers of vertices. A fraction, or a number that is none, NumPy would cut off, with a warning
+/// at most: another mesh.
 Indices indices_of(const py::object& given) {
   const auto numbers = py::array::ensure(given);
   if (numbers && numbers.dtype().kind() == 'f') {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Python module nearmesh._nearmesh. What users import is nearmesh/__init__.py, whose types stand in __init__.pyi.
+// The Python module nearmesh._nearmesh. What users import is nearmesh/__init__.py, whose types
+// stand in __init__.pyi.
 
 #include "bindings.hpp"
 

@@ -32,8 +32,8 @@ struct Peer {
   bool is_spoiled = false;              ///< an exception came half-way, for want of memory say
 };
 
-/// Runs what asks or changes the session without the interpreter's lock, one at a time. Of a session that an exception has left half-way
-/// nothing is asked.
+/// Runs what asks or changes the session without the interpreter's lock, one at a time. Of a
+/// session that an exception has left half-way nothing is asked.
 template <class Work>
 auto unlocked(Peer& peer, const Work& work) {
   // A scheduler of the host's that calls the session: it would wait for itself for ever.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probes of models at hand, of worlds and of a session's bodies, as arrays; poses that the host heard.
+// Probes of models at hand, of worlds and of a session's bodies, as arrays; poses that the host
+// heard.
 
 #include "peer.hpp"
 

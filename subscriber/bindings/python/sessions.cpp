@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Peers: bodies, pairs, updates. How one is made is in make_sessions.cpp, what a frame says in frames.cpp.
+// Peers: bodies, pairs, updates. How one is made is in make_sessions.cpp, what a frame says in
+// frames.cpp.
 
 #include <map>
 #include <optional>

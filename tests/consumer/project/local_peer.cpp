@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a host's unit test does: opens a model's file, makes a channel and a session, and updates until the answer is
-// certified. No network, no publisher, no DDS.
+// What a host's unit test does: opens a model's file, makes a channel and a session, and updates
+// until the answer is certified. No network, no publisher, no DDS.
 
 #include <cstdio>
 #include <string>

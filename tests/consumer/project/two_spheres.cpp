@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bakes a sphere and asks, with a proof, whether two of them touch: at half a metre of overlap and at half a metre apart.
+// Bakes a sphere and asks, with a proof, whether two of them touch: at half a metre of overlap and
+// at half a metre apart.
 
 #include <cstdio>
 #include <string>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small slice of the chart: shapes of its curves, no false certificate, the same rows in every run.
+// A small slice of the chart: shapes of its curves, no false certificate, the same rows in every
+// run.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -18,7 +18,8 @@ struct Node {
   double bits = 0;              // of the children's boxes, or the faces
 };
 
-// Faces as a tree of boxes, eight children a node, clusters of at most so many; with bits where they are to be sent.
+// Faces as a tree of boxes, eight children a node, clusters of at most so many; with bits where
+// they are to be sent.
 class Clusters {
  public:
   Clusters(const perf::Model& model, std::size_t cluster_faces, bool coded);
@@ -40,7 +41,8 @@ class Clusters {
   SymbolCosts costs_;
 };
 
-// What both ends open: all nodes of a and b that a walk of both trees visits, parents first, and pairs of clusters.
+// What both ends open: all nodes of a and b that a walk of both trees visits, parents first, and
+// pairs of clusters.
 struct Walk {
   std::vector<std::uint32_t> a, b;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> clusters;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Bytes of triangles by an ideal entropy coder with tables trained on the very mesh, for which nothing is charged; vertices by
-// parallelogram over the gate, triangles by gates.
+// Bytes of triangles by an ideal entropy coder with tables trained on the very mesh, for which
+// nothing is charged; vertices by parallelogram over the gate, triangles by gates.
 
 #include <algorithm>
 #include <array>
@@ -52,8 +52,8 @@ enum Context : int {
 };
 enum Gate : int { kEnd, kNew, kKnown, kSeed };
 
-// Calls symbol(context, symbol, raw bits) for all that coding the faces as one piece would emit. Corners that earlier pieces
-// had are sent again.
+// Calls symbol(context, symbol, raw bits) for all that coding the faces as one piece would emit.
+// Corners that earlier pieces had are sent again.
 template <class Emit>
 void code_faces(const std::vector<TreeFace>& faces, const std::array<std::uint8_t, 3>& shift,
                 const GridPoint& from, const Emit& emit) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-chart: speed against accuracy. `run` plays scenes through every method and writes CSV (columns: play.hpp), `plot`
-// draws them. Single thread, since times are measured.
+// nearmesh-chart: speed against accuracy. `run` plays scenes through every method and writes CSV
+// (columns: play.hpp), `plot` draws them. Single thread, since times are measured.
 
 #include <unistd.h>
 

@@ -25,8 +25,8 @@ std::uint64_t framed_batch(const std::vector<std::uint8_t>& batch) {
   return batch.size() + kBatchFramingBytes;
 }
 
-// The splits in the reverse order of the collapses: the progressive mesh as it was made. Where vertices share a place, so
-// that the log cannot be followed by positions, the largest nodes first.
+// The splits in the reverse order of the collapses: the progressive mesh as it was made. Where
+// vertices share a place, so that the log cannot be followed by positions, the largest nodes first.
 std::vector<VertexId> collapse_order(const perf::Model& model) {
   const SplitStore& store = model.baked.store;
   const Grid& grid = model.baked.header.grid;
@@ -45,8 +45,9 @@ std::vector<VertexId> collapse_order(const perf::Model& model) {
   return order;
 }
 
-// Splits in an order with parents first, as batches: whoever has the first ones has a mesh. In preorder within each of a
-// few levels: a batch names the nodes that it hangs on, so that an order split by split would cost twice the bytes.
+// Splits in an order with parents first, as batches: whoever has the first ones has a mesh. In
+// preorder within each of a few levels: a batch names the nodes that it hangs on, so that an order
+// split by split would cost twice the bytes.
 Batches encode_in_order(const perf::Model& model, std::span<const VertexId> order) {
   const SplitStore& store = model.baked.store;
   Batches batches;
@@ -98,7 +99,8 @@ class Body {
     coarse_.reset();
     return std::move(applied.delta);
   }
-  // All faces of the current mesh, exact or not. Built anew where something came: the paper refits, so its T_B is less.
+  // All faces of the current mesh, exact or not. Built anew where something came: the paper refits,
+  // so its T_B is less.
   const TriangleTree& tree(State& state) {
     if (!streamed_) return model_->tree;
     if (!coarse_) {
@@ -329,8 +331,8 @@ class Grid3 : public Stream {
 
 // ---- certified ----------------------------------------------------------------------------------
 
-// As a peer's Session asks: it says where the bodies are, and the publisher chooses. `kLeast`: nothing but the splits that the
-// answer names, round after round.
+// As a peer's Session asks: it says where the bodies are, and the publisher chooses. `kLeast`:
+// nothing but the splits that the answer names, round after round.
 class Certified : public Stream {
  public:
   enum class Choice : std::uint8_t { kPublisher, kLeast };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The methods that the chart compares, as streams: bytes arrive, the method answers with what it holds. All run on the same
-// engine, codec and framing. Metres, seconds, bytes.
+// The methods that the chart compares, as streams: bytes arrive, the method answers with what it
+// holds. All run on the same engine, codec and framing. Metres, seconds, bytes.
 
 #include <cstdint>
 #include <memory>
@@ -15,7 +15,8 @@
 
 namespace nearmesh::chart {
 
-/// Two bodies and their places. The peer holds nothing of a streamed body at first, and all of one that is its own.
+/// Two bodies and their places. The peer holds nothing of a streamed body at first, and all of one
+/// that is its own.
 struct Scene {
   std::string name;
   perf::Model a, b;
@@ -23,7 +24,8 @@ struct Scene {
   /// In order; frames follow each other in time and detail stays, poses each start afresh.
   std::vector<perf::PosePair> poses;
   bool frames = false;
-  /// Where `a` is a tile of a world: its faces, and by pose the pages that lead to what the body may meet.
+  /// Where `a` is a tile of a world: its faces, and by pose the pages that lead to what the body
+  /// may meet.
   std::uint64_t world_faces = 0;
   struct Pages {
     std::uint64_t count = 0, bytes = 0;
@@ -31,7 +33,8 @@ struct Scene {
   std::vector<Pages> pages{};
 };
 
-/// Where the bodies are, and how they move: in a flight as from the frame before (of the first: to the next), else not at all.
+/// Where the bodies are, and how they move: in a flight as from the frame before (of the first: to
+/// the next), else not at all.
 struct Bodies {
   Motion a, b;
 };
@@ -42,8 +45,8 @@ inline constexpr double kLookahead_s = 0.5;  ///< of methods that look ahead: a 
 struct State {
   std::uint64_t bytes = 0;  ///< received, with headers and framing
   std::uint64_t request_bytes = 0;
-  std::uint32_t requests =
-      0;  ///< each a round trip; joining, which brings base meshes, is one more
+  /// Each a round trip; joining, which brings base meshes, is one more.
+  std::uint32_t requests = 0;
   std::uint64_t splits = 0;
   double refine_s = 0, tree_s = 0, query_s = 0, load_s = 0;  ///< the paper's T_R, T_B, T_Q, T_L
   /// What the method claims to be sure of; nothing: it never is, or cannot answer yet.
@@ -61,7 +64,8 @@ class Method {
   virtual ~Method() = default;
   /// A peer that has just joined.
   virtual void start() = 0;
-  /// Receives what comes for the poses until `max_bytes` since start() are reached, then answers. max_bytes never falls.
+  /// Receives what comes for the poses until `max_bytes` since start() are reached, then answers.
+  /// max_bytes never falls.
   [[nodiscard]] virtual State receive(const Bodies& bodies, const PosedPair& posed,
                                       std::uint64_t max_bytes) = 0;
 };
@@ -85,8 +89,8 @@ struct MethodInfo {
 [[nodiscard]] std::unique_ptr<Method> make_rival_ahead(const Scene& scene);
 [[nodiscard]] std::unique_ptr<Method> make_trusted_rival(const Scene& scene);
 
-/// Faces of streamed bodies without which no one could know which faces touch: those whose posed box meets that of a face
-/// of the other body. At least 1.
+/// Faces of streamed bodies without which no one could know which faces touch: those whose posed
+/// box meets that of a face of the other body. At least 1.
 class NeededFaces {
  public:
   explicit NeededFaces(const Scene& scene);

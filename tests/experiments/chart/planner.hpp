@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a server of clusters chooses (rivals.cpp): of a node that stands in the way it tells half-spaces that part it from the other
-// body, or opens it, whichever is cheaper in all.
+// What a server of clusters chooses (rivals.cpp): of a node that stands in the way it tells
+// half-spaces that part it from the other body, or opens it, whichever is cheaper in all.
 
 #include <map>
 #include <set>
@@ -13,8 +13,8 @@
 
 namespace nearmesh::chart {
 
-inline constexpr double kHalfSpaceBits =
-    kDirectionBits + kReachBits + 2;  // the last: of which node
+// The last: of which node.
+inline constexpr double kHalfSpaceBits = kDirectionBits + kReachBits + 2;
 
 using HalfSpaces = std::map<std::uint32_t, std::vector<HalfSpace>>;  // by node
 
@@ -31,7 +31,8 @@ struct Instant {
   RelativeFrame other_in_own, own_in_other;
 };
 
-/// The cheapest statements about one body that part it from, or hold its faces against, the parts of the other at all instants.
+/// The cheapest statements about one body that part it from, or hold its faces against, the parts
+/// of the other at all instants.
 class Planner {
  public:
   /// `known` and `told`: what the peer has of this body already; it costs nothing.

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming without a progressive mesh, as well as it can be done: original triangles, on demand.
-//   clusters-checked: clusters of at most 32 triangles below a tree of boxes, eight a node. The peer gets every node and
+//   clusters-checked: clusters of at most 32 triangles below a tree of boxes, eight a node. The
+//   peer gets every node and
 //     cluster that its own walk of both trees would open, so it can check that nothing is missing.
-//   clusters-chosen: the same, but the server chooses: of a node that stands in the way it tells half-spaces that part it from the
+//   clusters-chosen: the same, but the server chooses: of a node that stands in the way it tells
+//   half-spaces that part it from the
 //     other body, or opens it, whichever is cheaper in all. The peer can check this, too.
 //   clusters-chosen-ahead: the same, but what is chosen holds at each frame of the time ahead, too.
-//   triangles-trusted: exactly the triangles whose box meets a box of the other body's triangles; that these are all is the
+//   triangles-trusted: exactly the triangles whose box meets a box of the other body's triangles;
+//   that these are all is the
 //     server's word.
 // A peer knows no base mesh: before triangles have come it can only say "free".
 
@@ -67,7 +70,8 @@ std::array<FaceSet, 2> candidates(const Clusters& a, const Clusters& b, const Po
 constexpr std::size_t kClusterFaces = 32;
 constexpr std::size_t kOwnClusterFaces = 8;  // of a body that costs nothing to open
 
-// Pieces in order of arrival, each with bits and faces; both bodies' faces are held as plain triangles.
+// Pieces in order of arrival, each with bits and faces; both bodies' faces are held as plain
+// triangles.
 class Rival : public Method {
  public:
   explicit Rival(const Scene& scene)
@@ -258,8 +262,9 @@ class ChosenRival : public Rival {
   }
 
  private:
-  // One body is planned against all faces of the other, that one against what the peer will hold of the first; the cheaper of
-  // both orders. Whatever is not open of the second was parted from all of the first, and the other way round.
+  // One body is planned against all faces of the other, that one against what the peer will hold of
+  // the first; the cheaper of both orders. Whatever is not open of the second was parted from all
+  // of the first, and the other way round.
   [[nodiscard]] std::array<Planner::Plan, 2> choose(const std::vector<PosedPair>& times) const {
     std::array<std::vector<Instant>, 2> instants;
     for (const PosedPair& posed : times) {

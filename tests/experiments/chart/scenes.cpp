@@ -42,7 +42,8 @@ Scene ball_scene(const std::string& name, const IndexedMesh& ground, double radi
 
 std::uint32_t terrain_size(const SceneOptions& options) { return options.quick ? 48 : 256; }
 
-// Set down in random places: sunk by a fiftieth of the radius, by a thousandth, just clear of the ground, a tenth above it.
+// Set down in random places: sunk by a fiftieth of the radius, by a thousandth, just clear of the
+// ground, a tenth above it.
 void add_grazing_poses(Scene& scene, double radius_m, std::size_t count) {
   const double lifts[] = {-0.02, 0, 0.002, 0.1};
   const auto places = perf::touching_poses(scene.a.tree.view(), scene.b.tree.view(),
@@ -101,8 +102,8 @@ std::optional<Scene> growth(const SceneOptions& /*options*/) {
   return scene;
 }
 
-// The greatest of these that all methods are given, as a tile that stands so many times along both sides of a world; the ball
-// touches the one in the middle.
+// The greatest of these that all methods are given, as a tile that stands so many times along both
+// sides of a world; the ball touches the one in the middle.
 template <std::int64_t kTiles>
 std::optional<Scene> world_growth(const SceneOptions& options) {
   std::optional<Scene> scene = growth<708>(options);
@@ -170,7 +171,8 @@ std::optional<Scene> two_scans(const SceneOptions& options) {
   return scene;
 }
 
-// One vertex of a plain is drawn out to a needle, which every coarse level has lost or keeps by luck.
+// One vertex of a plain is drawn out to a needle, which every coarse level has lost or keeps by
+// luck.
 std::optional<Scene> needle(const SceneOptions& options) {
   const std::uint32_t quads = options.quick ? 48 : 200;
   IndexedMesh plain = test::make_plane(4, quads);
@@ -187,7 +189,8 @@ std::optional<Scene> needle(const SceneOptions& options) {
   return scene;
 }
 
-// A ground and its own cast, just above it or shifted by a sixth of a cell: everything is near everything.
+// A ground and its own cast, just above it or shifted by a sixth of a cell: everything is near
+// everything.
 std::optional<Scene> conforming(const SceneOptions& options) {
   const IndexedMesh ground = generate_terrain(options.quick ? 32 : 96, 42);
   Scene scene{"conforming", perf::make_model(ground), perf::make_model(ground), true, {}, false};
@@ -227,7 +230,8 @@ std::optional<Scene> bolt_in_nut(const SceneOptions& options) {
 
 // ---- the paper's models -------------------------------------------------------------------------
 
-// 2,050 vertices, 4,096 faces: 64 slices, 33 stacks. (generate_sphere has half as many stacks as slices.)
+// 2,050 vertices, 4,096 faces: 64 slices, 33 stacks. (generate_sphere has half as many stacks as
+// slices.)
 IndexedMesh paper_sphere_mesh() {
   test::ShapeBuilder shape;
   const auto at = [](std::uint32_t stack, std::uint32_t slice) {

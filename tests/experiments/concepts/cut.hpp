@@ -16,7 +16,8 @@ struct CutFace {
 [[nodiscard]] std::vector<CutFace> cut_faces(const Body& body, const std::vector<Face>& faces,
                                              double y_m);
 
-/// Where a node's box meets the plane, and what its half-spaces leave of that: each a convex polygon, perhaps empty.
+/// Where a node's box meets the plane, and what its half-spaces leave of that: each a convex
+/// polygon, perhaps empty.
 struct CutNode {
   NodeSpan node;
   std::vector<Point> box, rest;

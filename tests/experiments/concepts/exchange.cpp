@@ -19,7 +19,8 @@ BakedModel bake_mesh(const IndexedMesh& mesh, std::uint32_t base_faces) {
       .value();
 }
 
-/// Lowers a body onto another: from above, in steps of 1 m, until it touches, and so many steps more.
+/// Lowers a body onto another: from above, in steps of 1 m, until it touches, and so many steps
+/// more.
 Status lower(const Body& ground, Body& body, int steps_more) {
   const TriangleTree a = *build_full_tree(ground.full.header, ground.full.store);
   const TriangleTree b = *build_full_tree(body.full.header, body.full.store);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the pictures of docs/concepts.md show: two small bodies, baked, served from files and held by a peer, who was sent what a
-// publisher chose for one pose. Everything is the project's own; nothing here knows how a forest, a box or an answer comes about.
+// What the pictures of docs/concepts.md show: two small bodies, baked, served from files and held
+// by a peer, who was sent what a publisher chose for one pose. Everything is the project's own;
+// nothing here knows how a forest, a box or an answer comes about.
 
 #include <memory>
 #include <string>
@@ -60,7 +61,8 @@ struct Exchange {
   Contacts contacts;           ///< of the answer
   std::size_t sent_bytes = 0;  ///< batches
 };
-/// The publisher chooses, the peer takes and answers. Bodies rest. Errors: those of files; kNotFound where the publisher does not serve.
+/// The publisher chooses, the peer takes and answers. Bodies rest. Errors: those of files;
+/// kNotFound where the publisher does not serve.
 [[nodiscard]] Result<Exchange> exchange(Body ground, Body other);
 
 /// Ground of size x size cells of 32 m, its heights multiplied, baked down to so many faces.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-draw-concepts FOLDER: writes the pictures of docs/concepts.md there, of structures that it makes for them. The same
-// bytes each time.
+// nearmesh-draw-concepts FOLDER: writes the pictures of docs/concepts.md there, of structures that
+// it makes for them. The same bytes each time.
 #include <cstdio>
 #include <fstream>
 

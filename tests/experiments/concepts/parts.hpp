@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the pictures of the forest, of a slot and of a certificate show, found in the structures themselves.
+// What the pictures of the forest, of a slot and of a certificate show, found in the structures
+// themselves.
 
 #include <optional>
 
@@ -34,19 +35,20 @@ struct OpenedSlot {
   };
   std::vector<Lane> lanes;
 };
-/// The slots of a replica whose lanes are all blocks of faces or unresolved nodes, both kinds among them.
+/// The slots of a replica whose lanes are all blocks of faces or unresolved nodes, both kinds among
+/// them.
 [[nodiscard]] std::vector<OpenedSlot> open_slots(const Replica& replica);
 
 /// Two parts of which one is an unresolved node, and what proves them apart.
 struct ProvedApart {
   Unresolved a, b;  ///< of the ground, of the other body
   int axis = -1;    ///< boxes are apart along it; or
-  std::optional<HalfSpace>
-      half_space;  ///< of a, beyond which all of b's box is, though the boxes meet
+  /// Of a, beyond which all of b's box is, though the boxes meet.
+  std::optional<HalfSpace> half_space;
   double gap_m = 0;
 };
-/// The pair of unresolved nodes with the narrowest gap between boxes, and the one with the narrowest behind a half-space, among
-/// gaps that can be seen.
+/// The pair of unresolved nodes with the narrowest gap between boxes, and the one with the
+/// narrowest behind a half-space, among gaps that can be seen.
 [[nodiscard]] std::optional<ProvedApart> narrowest_boxes(const Exchange& exchange);
 [[nodiscard]] std::optional<ProvedApart> narrowest_half_space(const Exchange& exchange);
 

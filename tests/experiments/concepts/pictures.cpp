@@ -294,7 +294,8 @@ std::string draw_slot(const Exchange& hill) {
     if (is_block) ++blocks;
     note[1] += 24;
   }
-  // One block from the side: its box, and the slab between two planes across the faces' mean normal.
+  // One block from the side: its box, and the slab between two planes across the faces' mean
+  // normal.
   const auto& n = shown->entry.slab.normal;
   const double level = std::sqrt(double(n[0]) * n[0] + double(n[1]) * n[1]);
   const View side{level > 0 ? Place{n[0] / level, n[1] / level, 0} : Place{1, 0, 0}, {0, 0, 1}};

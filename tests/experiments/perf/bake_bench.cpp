@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a bake takes and gives, as CSV (metric,value,unit): time by phase, memory, errors and faults of the mesh at a tenth
-// of the vertices, beside those of as many faces by meshoptimizer where that is installed, size of the file and its header, opening.
-//   nearmesh-bench-bake [FACES or MESH FILE] [THREADS]      default: 1,000,000 faces of terrain, every core
+// What a bake takes and gives, as CSV (metric,value,unit): time by phase, memory, errors and faults
+// of the mesh at a tenth of the vertices, beside those of as many faces by meshoptimizer where that
+// is installed, size of the file and its header, opening.
+//   nearmesh-bench-bake [FACES or MESH FILE] [THREADS]
+// Default: a terrain of 1,000,000 faces, on every core.
 // A terrain goes through a PLY file, as a user's mesh would. Phases are wall-clock; on a machine
-// with other work compare bake_processor_time. What is opened is opened by a
-// process that has done nothing else.
+// with other work compare bake_processor_time. What is opened is opened by a process that has done
+// nothing else.
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -106,7 +108,8 @@ double segment_distance2(const Vec& p, const Vec& a, const Vec& b) {
   return dot(off, off);
 }
 
-/// Of a point and a triangle: through the plane where the foot lies inside, else through the nearest side.
+/// Of a point and a triangle: through the plane where the foot lies inside, else through the
+/// nearest side.
 double face_distance2(const Vec& p, const TreeFace& face) {
   const Vec a = to_vec(face.corners[0]), b = to_vec(face.corners[1]), c = to_vec(face.corners[2]);
   const Vec u = minus(b, a), v = minus(c, a), w = minus(p, a);
@@ -319,7 +322,8 @@ void print_faults(const GridMesh& mesh, Faces faces, const std::string& whose, b
 
 // ---- opening ----
 
-/// Resident pages that belong to this process alone: not those of the file, which the kernel can drop.
+/// Resident pages that belong to this process alone: not those of the file, which the kernel can
+/// drop.
 double private_memory_bytes() {
   long resident = 0, shared = 0;
   if (std::FILE* file = std::fopen("/proc/self/statm", "r"); file != nullptr) {
@@ -329,7 +333,8 @@ double private_memory_bytes() {
   return static_cast<double>(resident - shared) * static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
-/// Opens, serves one request and says what that took; `loud` or not, since the first time also loads the program.
+/// Opens, serves one request and says what that took; `loud` or not, since the first time also
+/// loads the program.
 void open_model(const std::string& path, bool loud) {
   const auto print = [loud](const char* metric, double value, const char* unit) {
     if (loud) ::print(metric, value, unit);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What it takes to say on a bus, and to prove again, that bodies are free by bounds: one peer that moves all bodies at 20 Hz, recorded
-// without DDS as a recorder hears it, and verified.
+// What it takes to say on a bus, and to prove again, that bodies are free by bounds: one peer that
+// moves all bodies at 20 Hz, recorded without DDS as a recorder hears it, and verified.
 //   nearmesh-bench-bounds --bodies 200 --seconds 2 -o bodies.db3
 //   nearmesh-bench-bounds --bodies 300 --seconds 2 --ground -o ground.db3
 //   nearmesh-bench-bounds --bodies 1000 --seconds 2 --side 400 -o far.db3

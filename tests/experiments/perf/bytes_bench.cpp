@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// What it takes to certify an answer: bytes, splits, batches and round trips of a peer that starts from the base mesh, and
-// what a peer weighs after a flight. CSV rows metric,value,unit:
+// What it takes to certify an answer: bytes, splits, batches and round trips of a peer that starts
+// from the base mesh, and what a peer weighs after a flight. CSV rows metric,value,unit:
 //   nearmesh-bench-bytes MODEL.spm RADIUS_SHARE [--flight]
-// A body of 1,280 faces, a sphere whose radius is a share of the model's largest side, is set down until it touches, in 45
-// places; with --flight it also slides along the ground for 200 frames, a fifth of its radius each, in a process of its
-// own, where each request says the mean velocity of the last ten frames (the body is set down on vertices, so that of one frame
-// swings to both sides of its way) and a horizon of ten. Requests are those of a peer's Session that holds the body whole;
-// counts are exact, the same in every run. `answer`: the publisher's processor time a request; `mirror`: what the memory
-// of a peer's state takes there, and while it sleeps. Bytes are payload plus framing: `wire` is ours
-// (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
+// A body of 1,280 faces, a sphere whose radius is a share of the model's largest side, is set down
+// until it touches, in 45 places; with --flight it also slides along the ground for 200 frames, a
+// fifth of its radius each, in a process of its own, where each request says the mean velocity of
+// the last ten frames (the body is set down on vertices, so that of one frame swings to both sides
+// of its way) and a horizon of ten. Requests are those of a peer's Session that holds the body
+// whole; counts are exact, the same in every run. `answer`: the publisher's processor time a
+// request; `mirror`: what the memory of a peer's state takes there, and while it sleeps. Bytes are
+// payload plus framing: `wire` is ours (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are
+// counted apart.
 
 #include <sys/socket.h>
 #include <sys/wait.h>

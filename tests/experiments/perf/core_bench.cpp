@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rates of the core on one model, as CSV rows: metric,value,unit. The figures of ARCHITECTURE.md come from
+// Rates of the core on one model, as CSV rows: metric,value,unit. The figures of ARCHITECTURE.md
+// come from
 //   nearmesh-bench-core terrain.spm
 // Single thread, thread CPU time, so that a busy machine disturbs little.
 
@@ -196,7 +197,8 @@ int main(int argc, char** argv) {
       std::swap(splits[i - 1], splits[random.below(static_cast<std::uint32_t>(i))]);
   }
 
-  // The same in the order in which the answers to many small requests bring them, and one by one in reverse.
+  // The same in the order in which the answers to many small requests bring them, and one by one in
+  // reverse.
   const std::vector<Treelet> treelets = demands(file.value(), 8, 1000);
   std::vector<TreeletSplit> arrivals;
   std::vector<bool> arrived(store.vertex_count());

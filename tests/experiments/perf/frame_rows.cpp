@@ -55,7 +55,8 @@ double height_m(const Model& terrain, double x, double y) {
   return 1e4 - answer.distance_m();
 }
 
-/// Low over the ground, up and down, along a slow turn: one aircraft above `along` and `aside` of the first.
+/// Low over the ground, up and down, along a slow turn: one aircraft above `along` and `aside` of
+/// the first.
 Pose flown(const Model& terrain, double along_m, double aside_m, double phase, double low_m,
            double high_m, double time_s) {
   const double heading = kTurn_radps * time_s, c = std::cos(heading), s = std::sin(heading);
@@ -101,7 +102,8 @@ Motion motion_at(const FrameScene& scene, std::size_t mover, double time_s, doub
 
 // ---- channel ------------------------------------------------------------------------------------
 
-/// A LocalChannel that tells its publisher's time from the peer's, and may deliver all detail of a model once anything of it is asked for.
+/// A LocalChannel that tells its publisher's time from the peer's, and may deliver all detail of a
+/// model once anything of it is asked for.
 class ServedChannel final : public subscriber::Channel {
  public:
   [[nodiscard]] bool serve(const std::string& name, const Model& model, bool all_detail) {

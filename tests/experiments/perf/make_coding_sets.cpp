@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The coding tables that are built in, made anew, and what they cost:
 //   nearmesh-make-coding-sets DATA source > core/spm/coding_sets_data.cpp
-//   nearmesh-make-coding-sets DATA costs        CSV: by model and set, how much larger answers are than with the model's own tables
-// DATA is the folder of test meshes. To be run when the codec's contexts change, or what is counted: the sets are then of no
-// use, or not the best. A set's tables are those of its meshes' counts, each mesh weighing the same. In `costs` each mesh is left
-// out of its own set, so that the figure is that of a mesh that nobody has seen.
+//   nearmesh-make-coding-sets DATA costs   CSV: by model and set, how much larger answers are than
+//                                          with the model's own tables
+// DATA is the folder of test meshes. To be run when the codec's contexts change, or what is
+// counted: the sets are then of no use, or not the best. A set's tables are those of its meshes'
+// counts, each mesh weighing the same. In `costs` each mesh is left out of its own set, so that the
+// figure is that of a mesh that nobody has seen.
 
 #include <algorithm>
 #include <cinttypes>
@@ -29,12 +31,13 @@ namespace {
 
 struct SetOfMeshes {
   const char* name;
-  /// Files below DATA; "terrain 708 1" and the like are generated, of that size and seed; "plane 48": that many squares a side.
+  /// Files below DATA; "terrain 708 1" and the like are generated, of that size and seed; "plane
+  /// 48": that many squares a side.
   std::vector<const char*> meshes;
 };
 
-// Meshes are alike where the same symbols are frequent: by how regular their faces are, and, on a regular ground, by how many
-// cells of height an edge has. There a set serves two powers of two.
+// Meshes are alike where the same symbols are frequent: by how regular their faces are, and, on a
+// regular ground, by how many cells of height an edge has. There a set serves two powers of two.
 const std::vector<SetOfMeshes>& sets() {
   static const std::vector<SetOfMeshes> all{
       {"terrain of 8192 cells an edge",
@@ -75,7 +78,8 @@ const std::vector<SetOfMeshes>& sets() {
   std::exit(1);
 }
 
-// A grid of heights, at most 500 points a side, 90 m apart: PGM with 16 bits a point, comments before the numbers.
+// A grid of heights, at most 500 points a side, 90 m apart: PGM with 16 bits a point, comments
+// before the numbers.
 IndexedMesh read_heights(const std::string& path) {
   constexpr std::uint32_t kMost = 500;
   constexpr double kSpacing_m = 90;

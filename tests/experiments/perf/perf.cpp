@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-perf: the same meshes, the same poses, one run: nearmesh's certified answer against the neighbouring libraries'
-// full-mesh queries, and their distances; and whole frames of a session. Prints CSV rows workload,contender,metric,value,unit,repeat;
-// the first lines name machine and build. Answers are compared before they are timed. Single thread.
+// nearmesh-perf: the same meshes, the same poses, one run: nearmesh's certified answer against the
+// neighbouring libraries' full-mesh queries, and their distances; and whole frames of a session.
+// Prints CSV rows workload,contender,metric,value,unit,repeat; the first lines name machine and
+// build. Answers are compared before they are timed. Single thread.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -110,8 +111,9 @@ void time_poses(const std::string& workload, const PoseSet& set, std::vector<Con
   }
 }
 
-// The frame in which detail arrives: one delivery of the splits that the frame's pose needs, the tree's update and
-// one query. Which splits those are, a twin finds out beforehand, as the publisher's walk would.
+// The frame in which detail arrives: one delivery of the splits that the frame's pose needs, the
+// tree's update and one query. Which splits those are, a twin finds out beforehand, as the
+// publisher's walk would.
 void time_refining(const std::string& workload, const PoseSet& set, const Model& a, const Model& b,
                    int repeats, Report& report) {
   for (int repeat = 0; repeat < repeats; ++repeat) {

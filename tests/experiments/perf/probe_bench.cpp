@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Time of 10,000 probes of a terrain that is held as a whole, and Embree's of the same rays, as CSV.
+// Time of 10,000 probes of a terrain that is held as a whole, and Embree's of the same rays, as
+// CSV.
 //   nearmesh-bench-probe > docs/perf/probes.csv
-// Single thread, thread CPU time; the least and the median of 21 batches. A tree of a replica, so of its slots, not one built at once.
+// Single thread, thread CPU time; the least and the median of 21 batches. A tree of a replica, so
+// of its slots, not one built at once.
 
 #include <algorithm>
 #include <cmath>

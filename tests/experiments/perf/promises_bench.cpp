@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // What peers of a large world hear of each other's bodies, with promises and without.
-//   count [PEERS [BODIES]]  by count: PEERS (100) sessions of BODIES (10) bodies each, over a square of 100 km, with the product's
-//         own sessions, broad phase and codec on a bus in memory; each sample with the bytes of its headers on UDP. CSV:
+//   count [PEERS [BODIES]]  by count: PEERS (100) sessions of BODIES (10) bodies each, over a
+//         square of 100 km, with the product's own sessions, broad phase and codec on a bus in
+//         memory; each sample with the bytes of its headers on UDP. CSV:
 //         what,samples_per_s,bytes_per_s, of what each peer hears.
-//   fly [PEERS [BODIES [SECONDS]]]  live: PEERS (8) processes on loopback, best in a network namespace of their own. CSV:
-//         kind,bodies,bytes_per_s,payload_per_s,core_percent,sent,heard,lost: of each peer; lost of all, of samples that were sent to it.
+//   fly [PEERS [BODIES [SECONDS]]]  live: PEERS (8) processes on loopback, best in a network
+//         namespace of their own. CSV:
+//         kind,bodies,bytes_per_s,payload_per_s,core_percent,sent,heard,lost: of each peer; lost of
+//         all, of samples that were sent to it.
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>

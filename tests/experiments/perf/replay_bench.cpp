@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // How long a replay takes to begin and to seek in a long session, as CSV; the session is generated.
 //   nearmesh-bench-replay [HOURS [RATE_HZ [PEERS]]]
-// Wall clock, and processor time of this thread where a column says so. To prepare is to take in all batches, which goes on while it plays. A seek is: find the place, read what holds there and hand it to an outlet that drops it; the answer is all
-// detail towards a twentieth of the model, asked for right after it.
+// Wall clock, and processor time of this thread where a column says so. To prepare is to take in
+// all batches, which goes on while it plays. A seek is: find the place, read what holds there and
+// hand it to an outlet that drops it; the answer is all detail towards a twentieth of the model,
+// asked for right after it.
 
 #include <algorithm>
 #include <cstdlib>

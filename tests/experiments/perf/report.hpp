@@ -42,7 +42,8 @@ inline double quantile(std::vector<double> values, double q) {
                          static_cast<std::size_t>(q * static_cast<double>(values.size())))];
 }
 
-/// The least of three calls: what the machine can do, not what disturbed it. A call of more than 10 ms is not made again.
+/// The least of three calls: what the machine can do, not what disturbed it. A call of more than 10
+/// ms is not made again.
 template <class Call>
 double least_of_three_us(const Call& call) {
   double least = 1e300;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What DDS Security costs: a publisher and a peer as two participants on 127.0.0.1, plain and secured in turns. A body is set
-// down at one base vertex of the terrain after the other, and all other detail is given up, so each place must be asked for.
+// What DDS Security costs: a publisher and a peer as two participants on 127.0.0.1, plain and
+// secured in turns. A body is set down at one base vertex of the terrain after the other, and all
+// other detail is given up, so each place must be asked for.
 //   nearmesh-bench-security TERRAIN.spm BODY.spm DOMAIN
-// CSV rows mode,metric,value,unit. Bytes are those of the interface lo, headers included: run it in a network namespace of
-// its own (ip netns), where nobody else speaks.
+// CSV rows mode,metric,value,unit. Bytes are those of the interface lo, headers included: run it in
+// a network namespace of its own (ip netns), where nobody else speaks.
 
 #include <algorithm>
 #include <atomic>

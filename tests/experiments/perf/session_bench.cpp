@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A session without DDS, faster than real time, recorded as the recorder does; what that costs, and what reading it takes.
-// With its defaults and -o it records the golden session of the tests (tests/system/sessions/make_golden.py).
-//   nearmesh-bench-session --peers 10 --seconds 3600 --rate 20 --terrain 128 --commit-ms 10 -o hour.db3
+// A session without DDS, faster than real time, recorded as the recorder does; what that costs, and
+// what reading it takes. With its defaults and -o it records the golden session of the tests
+// (tests/system/sessions/make_golden.py).
+//   nearmesh-bench-session --peers 10 --seconds 3600 --rate 20 --terrain 128 --commit-ms 10 -o
+//   hour.db3
 
 #include <CLI/CLI.hpp>
 #include <cstdio>

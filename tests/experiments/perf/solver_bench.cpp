@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The way out of two whole meshes that touch, by nearmesh and by others in one run, as CSV.
 //   nearmesh-bench-solver [BUNNY.obj] > docs/perf/solver.csv
-// Single thread, wall clock, medians of the poses. Whether bodies are free is decided by the exact query over all faces.
+// Single thread, wall clock, medians of the poses. Whether bodies are free is decided by the exact
+// query over all faces.
 
 #include <algorithm>
 #include <cmath>

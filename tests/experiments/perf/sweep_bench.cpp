@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Time of a sweep against that of a query, without clearance and with both kinds, as CSV: an aircraft of 20,000 faces at 50 m/s near a terrain of 100,000.
+// Time of a sweep against that of a query, without clearance and with both kinds, as CSV: an
+// aircraft of 20,000 faces at 50 m/s near a terrain of 100,000.
 //   nearmesh-bench-sweep
 // Single thread, thread CPU time; medians and 95th percentiles of 100 places.
 

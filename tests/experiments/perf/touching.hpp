@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A ball that is set down on a model until it touches: the poses by which bytes and answers are measured. Metres; the same
-// bits on every machine.
+// A ball that is set down on a model until it touches: the poses by which bytes and answers are
+// measured. Metres; the same bits on every machine.
 
 #include <algorithm>
 #include <array>
@@ -79,7 +79,8 @@ inline PosedPair posed(const Grid& model, const Grid& body, const Pose& pose) {
   return pose_pair(model, {}, "model", body, pose, "body").value();
 }
 
-/// Sets the body down from outside along a line through `at`: within a thousandth of its radius of letting go.
+/// Sets the body down from outside along a line through `at`: within a thousandth of its radius of
+/// letting go.
 inline Pose touching_pose(const TreeView& model, const TreeView& body, const Vector& at,
                           const Vector& away, double radius_m, Pose pose = {}) {
   double in = 0.9 * radius_m, out = 4 * radius_m;  // the point is inside the body, then it is not
@@ -125,7 +126,8 @@ inline std::vector<TouchingPlace> touching_poses(const TreeView& model, const Tr
   return poses;
 }
 
-/// Along a straight line over a ground whose z is up, set down anew in each frame on the nearest vertex.
+/// Along a straight line over a ground whose z is up, set down anew in each frame on the nearest
+/// vertex.
 inline std::vector<Pose> flight_poses(const TreeView& model, const TreeView& body,
                                       const SplitStore& store, double radius_m, int frames) {
   std::vector<Pose> poses;

@@ -14,7 +14,8 @@ namespace nearmesh::test {
 
 inline constexpr double kSide_m = 100e3, kHeight_m = 3e3, kSpeed_mps = 200, kStep_s = 0.05;
 
-/// Bodies that fly at up to 200 m/s over a square of 100 km, turn, and turn back at its edges. The same draws from the same seed.
+/// Bodies that fly at up to 200 m/s over a square of 100 km, turn, and turn back at its edges. The
+/// same draws from the same seed.
 class Traffic {
  public:
   Traffic(std::uint64_t seed, std::size_t count) {

@@ -95,7 +95,8 @@ std::vector<PoseSet> distances(const Model& a, const Model& b, int draws) {
         at.b.translation_m[k] = middle_a[k] - turned[k] + distance * direction[k];
       return at;
     };
-    // From far outside inwards, so that the first contact is found also where the bodies are not convex.
+    // From far outside inwards, so that the first contact is found also where the bodies are not
+    // convex.
     double free = reach, inside = reach;
     while (inside > 0 && !touches(a, b, at_distance(inside))) {
       free = inside;

@@ -18,7 +18,8 @@ struct Model {
   IndexedMesh mesh;   ///< the grid mesh in metres, for the other libraries
   TriangleTree tree;  ///< over all faces, for references
 };
-/// Cleaned on a grid of 21 bits and baked. Ends the program with a message where the mesh is refused.
+/// Cleaned on a grid of 21 bits and baked. Ends the program with a message where the mesh is
+/// refused.
 [[nodiscard]] Model make_model(const IndexedMesh& mesh,
                                std::uint32_t base_faces = SimplifyOptions{}.base_faces);
 
@@ -35,8 +36,9 @@ struct PoseSet {
   std::vector<PosePair> poses;
 };
 
-/// For each of `draws` random directions and turns of b: the distance at which b, coming along that direction, first
-/// touches a (by bisection, to 2^-36 of it), times each of eight factors from clearly apart to deep.
+/// For each of `draws` random directions and turns of b: the distance at which b, coming along that
+/// direction, first touches a (by bisection, to 2^-36 of it), times each of eight factors from
+/// clearly apart to deep.
 [[nodiscard]] std::vector<PoseSet> distances(const Model& a, const Model& b, int draws);
 
 /// b flown low over a, a terrain centred on the origin: grazing the ground here and there.

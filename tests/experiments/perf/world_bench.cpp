@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// What many bodies cost, as CSV rows: what,bodies,tiles,median_us,mean_us,p99_us,worst_us,near. Thread CPU time, one thread.
-//   broad    the broad phase alone: bodies as boxes that fly, turn and bounce over a square of 100 km, tiles below them
+// What many bodies cost, as CSV rows: what,bodies,tiles,median_us,mean_us,p99_us,worst_us,near.
+// Thread CPU time, one thread.
+//   broad    the broad phase alone: bodies as boxes that fly, turn and bounce over a square of
+//            100 km, tiles below them
 //   fcl      FCL's dynamic AABB tree on the same boxes, in the same run (where it is installed)
-//   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default session does
-//   crowd1, crowd2  the same of bodies that are all near each other, on one thread and on two; wall clock
-//   budget1, budget2  60 bodies that fly through each other, with sweeps, contacts and look-ahead, and a budget of 8 and of 2 ms; wall
-//            clock. From the first frame on: nothing is held then. Then the same with depth. The publisher has a thread of its own.
-//   ..._over, ..._over_cpu  by how much these frames overran their budgets, by the wall clock and by this thread's processor time: where
-//            the former is more, the system had given the processor to others. With two threads part of the work is the other one's.
-//   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with a session's max_tests, wall
-//            clock, and what that takes of memory. By itself, or the memory is that of what was before.
-// With "broad" (and fcl), "session", "crowd", "budget" or "fans" those rows alone. "stream WORLD [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk (world_stream.hpp), and
-// so is "low WORLD [FRAMES]": updates of 100 aircraft that fly low over it.
+//   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default
+//            session does
+//   crowd1, crowd2  the same of bodies that are all near each other, on one thread and on two; wall
+//            clock
+//   budget1, budget2  60 bodies that fly through each other, with sweeps, contacts and look-ahead,
+//            and a budget of 8 and of 2 ms; wall clock. From the first frame on: nothing is held
+//            then. Then the same with depth. The publisher has a thread of its own.
+//   ..._over, ..._over_cpu  by how much these frames overran their budgets, by the wall clock and
+//            by this thread's processor time: where the former is more, the system had given the
+//            processor to others. With two threads part of the work is the other one's.
+//   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with
+//            a session's max_tests, wall clock, and what that takes of memory. By itself, or the
+//            memory is that of what was before.
+// With "broad" (and fcl), "session", "crowd", "budget" or "fans" those rows alone. "stream WORLD
+// [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk
+// (world_stream.hpp), and so is "low WORLD [FRAMES]": updates of 100 aircraft that fly low over it.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -202,7 +210,8 @@ void run_crowd(std::size_t bodies, bool on_two) {
   });
 }
 
-/// A LocalChannel whose publisher works on a thread of its own, as it does in a program of its own: over DDS a frame pays for none of that.
+/// A LocalChannel whose publisher works on a thread of its own, as it does in a program of its own:
+/// over DDS a frame pays for none of that.
 class ApartChannel final : public subscriber::Channel {
  public:
   explicit ApartChannel(std::unique_ptr<subscriber::LocalChannel> inner)

@@ -42,7 +42,8 @@ double cpu_s() {
   return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
 }
 
-/// So that a peer can end, and give its memory back, without its publisher. What the publisher does, it does in calls of the peer's: that is counted apart.
+/// So that a peer can end, and give its memory back, without its publisher. What the publisher
+/// does, it does in calls of the peer's: that is counted apart.
 class Link final : public Channel {
  public:
   explicit Link(LocalChannel& other, double* publisher_s = nullptr)
@@ -287,7 +288,8 @@ struct Listed {
   }
 };
 
-/// What a peer holds of a world: when it was sent all pages, and later, when for long enough nothing was near but a body low over one tile.
+/// What a peer holds of a world: when it was sent all pages, and later, when for long enough
+/// nothing was near but a body low over one tile.
 struct HeldPages {
   double all_bytes = 0, later_bytes = 0;
 };
@@ -313,7 +315,8 @@ HeldPages measure_pages(const WorldFolder& folder, const Listed& listed) {
   return held;
 }
 
-/// What a peer holds that has an aircraft for each tile, so many of them low over theirs and the others far above.
+/// What a peer holds that has an aircraft for each tile, so many of them low over theirs and the
+/// others far above.
 struct HeldByPeer {
   double bytes = 0;
   std::uint64_t splits = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a plan of several sites rests on: the sizes of the product's own messages, the topics that cross between sites, what
-// joining and staying cost as they were measured, and what is guessed.
+// What a plan of several sites rests on: the sizes of the product's own messages, the topics that
+// cross between sites, what joining and staying cost as they were measured, and what is guessed.
 
 #include <string>
 #include <string_view>
@@ -11,7 +11,8 @@
 
 namespace nearmesh::sites {
 
-/// Samples as the product's codecs write them, bytes with their encapsulation and without what travels around them.
+/// Samples as the product's codecs write them, bytes with their encapsulation and without what
+/// travels around them.
 struct MessageBytes {
   double poses = 0;    ///< of a peer with one body
   double promise = 0;  ///< of the same
@@ -22,7 +23,8 @@ struct MessageBytes {
 
 /// DDS domains that one network has.
 inline constexpr double kMostDomains = 233;
-/// Of how many bodies a peer hears through one writer, as a router is: those beyond are ignored, with one line.
+/// Of how many bodies a peer hears through one writer, as a router is: those beyond are ignored,
+/// with one line.
 [[nodiscard]] double most_bodies_of_a_writer();
 
 /// Whether a router between sites hands a topic on.
@@ -31,13 +33,15 @@ struct Crossing {
   bool crosses = false;
   std::string_view why;
 };
-/// Of each topic of the product's table, in its order. What peers tell peers crosses; publishers and recorders are each site's
-/// own, and so is what is named in the source. A new topic falls in by who writes and who reads it.
+/// Of each topic of the product's table, in its order. What peers tell peers crosses; publishers
+/// and recorders are each site's own, and so is what is named in the source. A new topic falls in
+/// by who writes and who reads it.
 [[nodiscard]] std::vector<Crossing> crossings();
 /// The allow list of an eProsima DDS Router, for all wire versions. `prefix`: of the topics.
 [[nodiscard]] std::string allow_list(const std::string& prefix);
 
-/// What participants of one domain cost each other: lines through what measure_discovery.py measured.
+/// What participants of one domain cost each other: lines through what measure_discovery.py
+/// measured.
 struct Measured {
   /// y = at_0 + slope x.
   struct Line {
@@ -52,14 +56,15 @@ struct Measured {
   Line join_bytes;        ///< of each ordered pair, over all participants
   Line join_cpu_s;        ///< of each participant, over all others: at 0 what its start takes
   Line stay_bytes_per_s;  ///< of each participant, over all others: life signs, heartbeats
-  double pose_wire_bytes =
-      0;  ///< of a sample of poses to one reader, all in: acknowledged, with headers
+  /// Of a sample of poses to one reader, all in: acknowledged, with headers.
+  double pose_wire_bytes = 0;
   double pose_cpu_s = 0;         ///< of the same, writer and reader together
   double most_participants = 0;  ///< that were measured
 
   /// All rows of such a file. Errors: kIo, kInvalidArgument naming the file and what is no number.
   [[nodiscard]] static Result<std::vector<Row>> read_rows(const std::string& path);
-  /// Errors: also kInvalidArgument naming the file and what it lacks: two rates, the same three counts of participants or more at each.
+  /// Errors: also kInvalidArgument naming the file and what it lacks: two rates, the same three
+  /// counts of participants or more at each.
   [[nodiscard]] static Result<Measured> read(const std::string& path);
 
   /// Until all that join in turn know each other; sums over all.

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Two domains joined as a DDS Router joins them: it hands on the topics that cross (facts.hpp), both ways, and writes each through
-// one writer, in whose name all peers of the other side speak. For tests, in the place of the vendor's.
+// Two domains joined as a DDS Router joins them: it hands on the topics that cross (facts.hpp),
+// both ways, and writes each through one writer, in whose name all peers of the other side speak.
+// For tests, in the place of the vendor's.
 
 #include <array>
 #include <atomic>

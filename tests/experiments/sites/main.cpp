@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-plan-sites: what thousands of peers at several sites cost, from measured costs, the product's message sizes and a
-// simulation with its broad phase. Prints the tables of docs/sites.md, or writes them into it; or an allow list for a router.
+// nearmesh-plan-sites: what thousands of peers at several sites cost, from measured costs, the
+// product's message sizes and a simulation with its broad phase. Prints the tables of
+// docs/sites.md, or writes them into it; or an allow list for a router.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>

@@ -16,7 +16,8 @@ constexpr double kSlowest_mps = 50;
 constexpr double kLow_m = 100, kHigh_m = 3000, kGround_m = 500;
 constexpr std::size_t kHubs = 12;
 constexpr double kHubReach_m = 5000;
-/// From the body's origin to its farthest point, rounded up; and so far may two bodies be whose promises meet.
+/// From the body's origin to its farthest point, rounded up; and so far may two bodies be whose
+/// promises meet.
 constexpr double kReach_m = 16;
 /// Of bodies whose promises are as old as they get, with what is looked ahead.
 double farthest_m(const Scenario& scenario) {

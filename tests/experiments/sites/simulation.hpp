@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Peers whose bodies fly over a world in cells, and what each hears: counts, no bytes. Who is near whom the product's own broad
-// phase decides, with a session's own look-ahead. The same counts on every machine.
+// Peers whose bodies fly over a world in cells, and what each hears: counts, no bytes. Who is near
+// whom the product's own broad phase decides, with a session's own look-ahead. The same counts on
+// every machine.
 
 #include <array>
 #include <cstdint>
@@ -13,8 +14,9 @@
 
 namespace nearmesh::sites {
 
-/// A square world, sites that share it out as squares, and layouts that cut it in square cells. A peer is in the domain of the
-/// cell that its body is over, and hears what the eight cells around tell; a router brings it. One cell a side: one domain for all.
+/// A square world, sites that share it out as squares, and layouts that cut it in square cells. A
+/// peer is in the domain of the cell that its body is over, and hears what the eight cells around
+/// tell; a router brings it. One cell a side: one domain for all.
 struct Scenario {
   std::uint32_t peers = 5000;      ///< 2 to 20,000, a body each
   std::uint32_t sites_a_side = 2;  ///< 1 to 8
@@ -60,8 +62,8 @@ struct Heard {
   std::uint64_t told = 0;
   std::uint64_t in_cell = 0;  ///< by peers of the teller's own domain
   std::uint64_t brought = 0;  ///< by peers of cells around: a router writes each
-  std::uint64_t across =
-      0;  ///< over lines between sites: once for each other site, or, in one domain, for each hearer there
+  /// Over lines between sites: once for each other site, or, in one domain, for each hearer there.
+  std::uint64_t across = 0;
   bool operator==(const Heard&) const = default;
 };
 
@@ -73,9 +75,9 @@ struct LayoutCounts {
   std::uint64_t cell_changes = 0;    ///< bodies that came over another cell
   std::uint64_t pairs_of_cells = 0;  ///< near pairs, of all frames, of two cells
   std::uint64_t pairs_of_sites = 0;  ///< of two sites
-  std::uint64_t pairs_unheard =
-      0;        ///< near pairs of which neither hears the other: none, or the cells are too small
-  Heard poses;  ///< all, as today
+  /// Near pairs of which neither hears the other: none, or the cells are too small.
+  std::uint64_t pairs_unheard = 0;
+  Heard poses;         ///< all, as today
   Heard promises;      ///< the same of promises
   Heard wanted_poses;  ///< poses told to those alone whose promises meet the body's
   bool operator==(const LayoutCounts&) const = default;

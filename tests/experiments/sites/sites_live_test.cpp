@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two sites, each with a domain, publishers and copies of the models, joined by what crosses alone: an answer about a body of the
-// other site is certified, from detail of one's own.
+// Two sites, each with a domain, publishers and copies of the models, joined by what crosses alone:
+// an answer about a body of the other site is certified, from detail of one's own.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -212,13 +212,15 @@ TEST_F(SitesLive, AnswersAcrossAreCertifiedFromDetailOfOnesOwnSite) {
   EXPECT_EQ(here.notes.asked, here.notes.heard);
   EXPECT_EQ(publishers_on(kHere), here.notes.heard);
 
-  // Who leaves there is not told of apart here, since another speaks through the same writer: the pose's age tells.
+  // Who leaves there is not told of apart here, since another speaks through the same writer: the
+  // pose's age tells.
   other_mover.reset();
   ASSERT_TRUE(fly_until([&] { return !report.find(one, two)->asked; }, kMaxPoseAge_s + 5));
   EXPECT_TRUE(fly_until([&] { return report.find(ground, one)->asked; }, 5));
   EXPECT_FALSE(report.find(one, two)->asked);
 
-  // Who comes over into this domain: its body's name still belongs to the forwarder's writer, so it takes another.
+  // Who comes over into this domain: its body's name still belongs to the forwarder's writer, so it
+  // takes another.
   const BodyId again = here.add("two, here", "aircraft", false, aircraft);
   ASSERT_TRUE(here.session->watch(one, again).is_ok());
   Peer newcomer(kHere);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The tables of docs/sites.md: what was measured, what the simulation computes from that, and what is guessed.
+// The tables of docs/sites.md: what was measured, what the simulation computes from that, and what
+// is guessed.
 
 #include <string>
 #include <vector>
@@ -14,8 +15,8 @@ namespace nearmesh::sites {
 [[nodiscard]] std::string number(double x);
 
 struct Table {
-  std::string
-      name;  ///< "measured-...", "computed-...", "guessed"; or of topics: "allow-list", "topics"
+  /// "measured-...", "computed-...", "guessed"; or of topics: "allow-list", "topics".
+  std::string name;
   std::string text;  ///< lines of Markdown
 };
 
@@ -25,7 +26,8 @@ struct Inputs {
   std::vector<Measured::Row> server;  ///< through a discovery server
   Asking asking;
 
-  /// From docs/sites and docs/network below `docs`. Errors: those of Measured::read and Asking::read.
+  /// From docs/sites and docs/network below `docs`. Errors: those of Measured::read and
+  /// Asking::read.
   [[nodiscard]] static Result<Inputs> read(const std::string& docs);
 };
 

@@ -311,7 +311,7 @@ class Case {
                   random_);
   }
 
-  // ---- a peer that says where its bodies are, whose publisher chooses ----------------------------
+  // ---- a peer that says where its bodies are, whose publisher chooses ---------------------------
 
   struct Desk {
     explicit Desk(const Model& model)

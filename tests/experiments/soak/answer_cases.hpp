@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// One case of the soak of answers: a pair of models, a way of refining, a few poses. All of it follows from the case's
-// number and the run's seed, so that any case can be run again alone.
+// One case of the soak of answers: a pair of models, a way of refining, a few poses. All of it
+// follows from the case's number and the run's seed, so that any case can be run again alone.
 
 #include <array>
 #include <string>
@@ -48,7 +48,8 @@ struct CaseResult {
   std::string fault;         ///< the first, or empty
 };
 
-/// `check_by_force`: compare the first pose's reference with brute force, and clearances with the true distance.
+/// `check_by_force`: compare the first pose's reference with brute force, and clearances with the
+/// true distance.
 [[nodiscard]] CaseResult run_case(const ModelPair& pair, Policy policy, std::uint64_t seed,
                                   bool check_by_force);
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random poses of many models under many ways of refining: every answer is compared with the full meshes'.
+// Random poses of many models under many ways of refining: every answer is compared with the full
+// meshes'.
 //   nearmesh-soak-answers --poses 1000000 --seed 1 --threads 2
-// The table on standard output, digest included, depends on poses, seed and policies only. Exit 1 at the first false
-// answer, with the arguments that bring it back.
+// The table on standard output, digest included, depends on poses, seed and policies only. Exit 1
+// at the first false answer, with the arguments that bring it back.
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -31,7 +32,8 @@ struct Options {
 class Zoo {
  public:
   Zoo() {
-    // Small models, so that a million poses take an hour; small bases, so that most of them is progressive.
+    // Small models, so that a million poses take an hour; small bases, so that most of them is
+    // progressive.
     const Model& terrain_1k = add(generate_terrain(16, 7), 16);
     const Model& aircraft_1k = add(generate_aircraft(500, 7), 16);
     const Model& sphere_1k = add(generate_sphere(20, 0), 16);
@@ -58,7 +60,8 @@ class Zoo {
     const std::size_t few = pairs_.size() - kLarge;
     return turn % kLargeEvery == 63 ? few + turn / kLargeEvery % kLarge : turn % few;
   }
-  // Brute force for one small case in 32; of large ones, where it takes seconds, for one in 32 as well.
+  // Brute force for one small case in 32; of large ones, where it takes seconds, for one in 32 as
+  // well.
   [[nodiscard]] bool by_force(std::uint64_t turn) const {
     const std::size_t few = pairs_.size() - kLarge;
     return pair_of(turn) < few ? turn / few % 32 == 2 : turn / kLargeEvery % 32 == 16;
@@ -102,7 +105,8 @@ class Soak {
  private:
   static constexpr std::uint64_t kNone = ~std::uint64_t{0};
 
-  // A case's number decides its policy, its pair and all that is drawn; never which thread runs it, or when.
+  // A case's number decides its policy, its pair and all that is drawn; never which thread runs it,
+  // or when.
   void run_one(std::uint64_t number) {
     const std::size_t policy = number % kPolicyNames.size();
     const std::uint64_t turn = number / kPolicyNames.size();

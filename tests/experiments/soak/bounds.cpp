@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pairs that a session says are free by bounds, against the exact query of the full meshes: aircraft that fly, turn, jump, come and go over a ground. Some are the
-// session's own and at times say nothing; others are heard of now and then, late, and their poses grow stale.
+// Pairs that a session says are free by bounds, against the exact query of the full meshes:
+// aircraft that fly, turn, jump, come and go over a ground. Some are the session's own and at times
+// say nothing; others are heard of now and then, late, and their poses grow stale.
 //   nearmesh-soak-bounds --pair-frames 1000000 --seed 1
-// Of each frame: a pair that is not listed is free at the poses that are known, with the clearance that was said; as many pairs as there should be are
-// unknown, and no more; what a listed pair was answered agrees with the full meshes. Of each eighth pair: it is still free at some moment of the horizon that was
-// said, where both bodies have gone on as they flew. Exit 1 at the first that is not so.
+// Of each frame: a pair that is not listed is free at the poses that are known, with the clearance
+// that was said; as many pairs as there should be are unknown, and no more; what a listed pair was
+// answered agrees with the full meshes. Of each eighth pair: it is still free at some moment of the
+// horizon that was said, where both bodies have gone on as they flew. Exit 1 at the first that is
+// not so.
 
 #include <CLI/CLI.hpp>
 #include <cinttypes>

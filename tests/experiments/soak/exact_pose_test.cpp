@@ -28,7 +28,8 @@ mpq_class exact_image(const PosedFrame& frame, const GridPoint& p, std::size_t a
   return image + mpz_class(frame.translation[axis]);
 }
 
-/// A grid of cells of 1 m on a lattice from the finest that is allowed to the coarsest, one of 2^100 m.
+/// A grid of cells of 1 m on a lattice from the finest that is allowed to the coarsest, one of
+/// 2^100 m.
 PosedFrame random_frame(Random& random) {
   const int bits = kMinGridBits + static_cast<int>(random.below(kMaxGridBits - kMinGridBits + 1));
   const int finest = bits - 38;

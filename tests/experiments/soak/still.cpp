@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sessions that do not ask pairs which stayed free by their bounds, against sessions that ask each pair in each frame: bodies that fly
-// through each other low over a ground, with detail that comes and is given up.
+// Sessions that do not ask pairs which stayed free by their bounds, against sessions that ask each
+// pair in each frame: bodies that fly through each other low over a ground, with detail that comes
+// and is given up.
 //   nearmesh-soak-still --pair-frames 1000000 --seed 1
 // Status, pairs, missing nodes and digests must be the same. Exit 1 at the first that is not.
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The words of the stability suite: a scene is a list of cases, a case is two bodies and a question whose true answer
-// is known, a verdict is what a system answered, and `judge` says whether it was right.
+// The words of the stability suite: a scene is a list of cases, a case is two bodies and a question
+// whose true answer is known, a verdict is what a system answered, and `judge` says whether it was
+// right.
 
 #include <cstdint>
 #include <memory>
@@ -36,8 +37,9 @@ enum class Question : std::uint8_t {
   kExtreme,   ///< finite but beyond use: a refusal is right, and so is the true answer
   kThreads,   ///< do two threads at once get what one thread gets?
   kBounds,    ///< does every stored bound of a progressive model hold?
-  kIncremental,  ///< is a refined, coarsened and queried model what it is from scratch, in any order?
-  kFile,         ///< can this mesh file be read?
+  /// Is a refined, coarsened and queried model what it is from scratch, in any order?
+  kIncremental,
+  kFile,  ///< can this mesh file be read?
 };
 
 /// What a mesh file must come to.
@@ -50,8 +52,8 @@ struct Case {
   bool touches = false;                ///< the truth
   std::optional<std::uint64_t> pairs;  ///< the true number of touching pairs, where it is known
   std::uint32_t base_faces = 16;       ///< of nearmesh's progressive models
-  std::shared_ptr<const Model>
-      model_a;  ///< kStream, kContacts: the baked a, of which `held_a` have come; none: all has
+  /// kStream, kContacts: the baked a, of which `held_a` have come; none: all has.
+  std::shared_ptr<const Model> model_a;
   std::vector<VertexId> held_a;           ///< parents first
   bool solid_a = false, solid_b = false;  ///< kSolids: which have an inside
   std::array<double, 3> normal{};         ///< kContacts: the true one, from a to b
@@ -68,7 +70,8 @@ struct Scene {
   std::string id;     ///< "F3"
   std::string title;  ///< one line
   std::vector<Case> cases;
-  /// Where not empty: the answers are also judged by their number of pairs, as a row of their own with this title.
+  /// Where not empty: the answers are also judged by their number of pairs, as a row of their own
+  /// with this title.
   std::string pairs_title;
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whether contact points lie where they should: distance of each from both posed meshes, angle of each normal to the
-// truth.
+// Whether contact points lie where they should: distance of each from both posed meshes, angle of
+// each normal to the truth.
 
 #include <algorithm>
 #include <cmath>
@@ -44,7 +44,8 @@ inline Verdict judge_contacts(const Case& asked, const std::vector<ContactPoint>
     const test::Vec truth{asked.normal[0], asked.normal[1], asked.normal[2]};
     const test::Vec given{c.normal[0], c.normal[1], c.normal[2]};
     const long double size = test::length(given);
-    // atan2 is good at small angles, where acos is not. No normal at all counts as the opposite one.
+    // atan2 is good at small angles, where acos is not. No normal at all counts as the opposite
+    // one.
     const test::Vec n = size > 0 ? test::along({}, given, 1 / size) : test::along({}, truth, -1);
     verdict.normal_error_rad =
         std::max(verdict.normal_error_rad,

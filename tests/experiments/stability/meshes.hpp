@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Meshes of the scenes, beside tests/support/shapes.hpp. Coordinates are multiples of a power of two that the grid of
-// clean_mesh (21 bits) keeps, so that what nearmesh holds is what the others are given.
+// Meshes of the scenes, beside tests/support/shapes.hpp. Coordinates are multiples of a power of
+// two that the grid of clean_mesh (21 bits) keeps, so that what nearmesh holds is what the others
+// are given.
 
 #include <cmath>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh's promises about states: stored bounds, and answers that do not depend on how a state was reached.
+// nearmesh's promises about states: stored bounds, and answers that do not depend on how a state
+// was reached.
 #include "bound_checker.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/random.hpp"

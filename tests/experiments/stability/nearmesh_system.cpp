@@ -43,7 +43,8 @@ Verdict to_verdict(const Answer& answer) {
   return verdict;
 }
 
-/// About half of the splits, in runs of ids as blocks bring them; what rests on a lost one comes with its parents.
+/// About half of the splits, in runs of ids as blocks bring them; what rests on a lost one comes
+/// with its parents.
 std::vector<VertexId> random_splits(const SplitStore& store, Random& random) {
   std::vector<VertexId> chosen;
   std::uint32_t v = 0;

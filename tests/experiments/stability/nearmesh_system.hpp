@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// nearmesh under test: an IndexedMesh is cleaned, baked and queried in every way that there is, and all ways must
-// agree.
+// nearmesh under test: an IndexedMesh is cleaned, baked and queried in every way that there is, and
+// all ways must agree.
 
 #include <optional>
 
@@ -24,7 +24,8 @@ struct Model {
 void refine(LocalModel& model, const std::vector<VertexId>& splits);
 [[nodiscard]] std::vector<VertexId> every_split(const SplitStore& store);
 
-/// The mesh of a client that holds these splits, as triangles: what it would give to another library.
+/// The mesh of a client that holds these splits, as triangles: what it would give to another
+/// library.
 [[nodiscard]] IndexedMesh held_mesh(const Model& model, const std::vector<VertexId>& held);
 
 /// How nearmesh answered one case. `trouble` names what contradicts what; empty where nothing does.
@@ -33,7 +34,8 @@ struct NearmeshAnswer {
   PairList pairs;  ///< places in the input's faces, ascending
   std::string trouble;
 };
-/// Full meshes; from the base by certify; from a random state with losses, then by certify; first pair only.
+/// Full meshes; from the base by certify; from a random state with losses, then by certify; first
+/// pair only.
 [[nodiscard]] NearmeshAnswer ask_nearmesh(const Case& asked);
 
 }  // namespace nearmesh::stability

@@ -68,7 +68,8 @@ PairList find_pairs(const Body& a, const Body& b, bool first_only) {
 
 using ExactPoint = std::array<mpq_class, 3>;
 
-/// Parity of crossings from p to a far point; another direction is taken while the ray meets an edge.
+/// Parity of crossings from p to a far point; another direction is taken while the ray meets an
+/// edge.
 bool is_inside(const ExactPoint& p, const std::vector<PosedTriangle>& surface) {
   double reach = 1;
   for (const PosedTriangle& t : surface)

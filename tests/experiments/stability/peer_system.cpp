@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The other libraries, as systems. What a library without progressive meshes is given of body a: where a part was streamed
-// the triangles of what has come, else all.
+// The other libraries, as systems. What a library without progressive meshes is given of body a:
+// where a part was streamed the triangles of what has come, else all.
 #include "contact_check.hpp"
 #include "nearmesh_system.hpp"
 #include "system.hpp"

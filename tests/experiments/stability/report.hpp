@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Counts of marks by scene and system, and the files made of them: results.csv, failures.csv, systems.csv, scale.csv. make_page.py
-// makes docs/stability.md and its picture of these.
+// Counts of marks by scene and system, and the files made of them: results.csv, failures.csv,
+// systems.csv, scale.csv. make_page.py makes docs/stability.md and its picture of these.
 
 #include <array>
 #include <string>
@@ -52,7 +52,8 @@ struct Report {
   std::vector<ScaleRow> scale;    ///< empty when F14 was not asked for
 };
 
-/// Writes the tables into the folder, which is made where it is not there; scale.csv only when there are rows. Errors: kIo.
+/// Writes the tables into the folder, which is made where it is not there; scale.csv only when
+/// there are rows. Errors: kIo.
 [[nodiscard]] Status write_report(const Report& report, const std::string& folder);
 
 }  // namespace nearmesh::stability

@@ -25,7 +25,8 @@ struct Measured {
   bool touches = false;
 };
 
-/// The aircraft's grid and the terrain's, and a pose in which they touch: its nose rests in the ground at the origin.
+/// The aircraft's grid and the terrain's, and a pose in which they touch: its nose rests in the
+/// ground at the origin.
 Case ground_contact(std::uint32_t size) {
   const MeshPtr terrain = share(generate_terrain(size, 7));
   const MeshPtr aircraft = share(generate_aircraft(2000, 7));

@@ -7,9 +7,9 @@
 
 namespace nearmesh::stability {
 
-/// Terrains of about 10^4, 10^5 and 10^6 faces (`quick`: the first two) against an aircraft that touches them. Each
-/// run in a child process; nothing else of this program is timed. A run that fails is left out, with a word on
-/// stderr.
+/// Terrains of about 10^4, 10^5 and 10^6 faces (`quick`: the first two) against an aircraft that
+/// touches them. Each run in a child process; nothing else of this program is timed. A run that
+/// fails is left out, with a word on stderr.
 [[nodiscard]] std::vector<ScaleRow> measure_scale(
     const std::vector<std::unique_ptr<System>>& systems, bool quick);
 

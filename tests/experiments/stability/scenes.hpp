@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The scenes, one list for the tests and for the program. Truths come from the oracle (oracle.hpp) on the base cases;
-// variants change nothing (variants.hpp).
+// The scenes, one list for the tests and for the program. Truths come from the oracle (oracle.hpp)
+// on the base cases; variants change nothing (variants.hpp).
 
 #include <string>
 #include <vector>
@@ -18,8 +18,9 @@ namespace nearmesh::stability {
 [[nodiscard]] std::vector<Case> huge_triangle_cases();  ///< F17
 [[nodiscard]] std::vector<Case> gap_cases();            ///< F19
 
-/// F1: what a client holds of a needle on a plane, at each of `every`-th prefix of the stream, in `seeds` random
-/// subsets of blocks, and with the needle's region never received; a ball at several places.
+/// F1: what a client holds of a needle on a plane, at each of `every`-th prefix of the stream, in
+/// `seeds` random subsets of blocks, and with the needle's region never received; a ball at several
+/// places.
 [[nodiscard]] std::vector<Case> streamed_cases(std::uint32_t every, std::uint64_t seeds);
 [[nodiscard]] std::vector<Case> solid_cases();        ///< F2
 [[nodiscard]] std::vector<Case> sweep_cases();        ///< F7

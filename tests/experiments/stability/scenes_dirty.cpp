@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes of input that is not as one would wish it: F4, F5, F16; and of limits and threads: F13, F18.
+// Scenes of input that is not as one would wish it: F4, F5, F16; and of limits and threads: F13,
+// F18.
 #include <filesystem>
 #include <fstream>
 #include <limits>

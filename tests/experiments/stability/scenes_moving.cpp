@@ -139,8 +139,8 @@ std::vector<Case> sweep_cases() {
 
 std::vector<Case> contact_cases() {
   std::vector<Case> cases;
-  // Sets a plane under b, faces up: the true normal is the plane's. Sunk only so far that b's faces there nearly face
-  // it.
+  // Sets a plane under b, faces up: the true normal is the plane's. Sunk only so far that b's faces
+  // there nearly face it.
   const MeshPtr plane = share(test::make_plane(4, 7));
   const auto add = [&](const std::string& name, const MeshPtr& b, double x, double y, double z,
                        double sunk_m) {
@@ -197,7 +197,8 @@ std::vector<Case> rolling_cases() {
            .position_tolerance_m = sunk_m + 0x1p-16,
            .normal_tolerance_rad = 1e-6};
     c.touches = touches(c.a, c.b);
-    // Every mixture: each step holds another random half of the plate's splits; every third all of them.
+    // Every mixture: each step holds another random half of the plate's splits; every third all of
+    // them.
     Random random(static_cast<std::uint64_t>(step));
     for (const VertexId u : order)
       if (step % 3 == 0 || random.below(2) == 0) c.held_a.push_back(u);

@@ -16,9 +16,9 @@ namespace {
 constexpr std::uint32_t kBaseFaces = 2;
 constexpr double kNeedleX_m = 2.25, kNeedleY_m = -1.75, kNeedleHeight_m = 5;
 
-/// A square of 16 m, cells of half a metre; in one of them stands a needle, 0.2 m about and 5 m high. Conforming.
-/// Flat: the simplifier keeps the needle's tip nearly to the end. Rough (ground within `roughness_m` of 0): it goes
-/// early.
+/// A square of 16 m, cells of half a metre; in one of them stands a needle, 0.2 m about and 5 m
+/// high. Conforming. Flat: the simplifier keeps the needle's tip nearly to the end. Rough (ground
+/// within `roughness_m` of 0): it goes early.
 IndexedMesh needle_plane(double roughness_m) {
   constexpr std::uint32_t kSides = 8, kRings = 5;
   test::ShapeBuilder shape;
@@ -117,7 +117,8 @@ std::vector<Case> needle_cases(const char* kind, double roughness_m, std::uint32
                     })});
 
   std::vector<Case> cases;
-  // Driven into the needle from the side at two heights, from above, beside it, and down to the plane.
+  // Driven into the needle from the side at two heights, from above, beside it, and down to the
+  // plane.
   const double places[][3] = {{2, 0, 3}, {.5, 0, 3}, {.25, 0, 3}, {0, 0, 3},   {0, .25, 1},
                               {0, 0, 6}, {0, 0, 5},  {0, 0, 4.5}, {-4, 3, .5}, {-4, 3, .25}};
   for (const auto& p : places) {

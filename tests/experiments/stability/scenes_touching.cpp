@@ -34,7 +34,8 @@ constexpr double kCell = 0x1p-20;
 
 std::vector<Case> touching_cases() {
   std::vector<Case> cases;
-  // Cubes of side 1 that share a face, half a face, an edge, a vertex, everything; and miss by one cell.
+  // Cubes of side 1 that share a face, half a face, an edge, a vertex, everything; and miss by one
+  // cell.
   const double shifts[][3] = {{1, 0, 0},    {1, .5, .5},      {1, 1, 0},         {1, 1, 1},
                               {0, 0, 0},    {1, .25, 0},      {1 + kCell, 0, 0}, {1 - kCell, 0, 0},
                               {1, 1, .125}, {1, 1 + kCell, 0}};

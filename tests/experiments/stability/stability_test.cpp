@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every scene of the suite, through nearmesh: right in every case. nearmesh-stability runs all variants; here a sample.
+// Every scene of the suite, through nearmesh: right in every case. nearmesh-stability runs all
+// variants; here a sample.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,7 +41,7 @@ void expect_scene_right(const std::string& id) {
 
 void split_all(LocalModel& model) { refine(model, every_split(model.mesh.store())); }
 
-// ---- F1: what has not come ------------------------------------------------------------------------
+// ---- F1: what has not come ----------------------------------------------------------------------
 
 TEST(Stability, F1NoAnswerOnMissingDataIsWrong) { expect_scene_right("F1"); }
 
@@ -100,7 +101,7 @@ TEST(Stability, F1TheNeedleVanishesWithItsRegion) {
   EXPECT_GT(without_needle, 10U);
 }
 
-// ---- F2: inside -------------------------------------------------------------------------------------
+// ---- F2: inside ---------------------------------------------------------------------------------
 
 TEST(Stability, F2InsideIsToldFromOutside) { expect_scene_right("F2"); }
 
@@ -110,7 +111,7 @@ TEST(Stability, F2OpenSheetsSayThatTheyHaveNoInside) {
   EXPECT_EQ(ask_nearmesh(c).verdict.kind, Verdict::Kind::kRefused);
 }
 
-// ---- F3: touching and coplanar ----------------------------------------------------------------------
+// ---- F3: touching and coplanar ------------------------------------------------------------------
 
 /// The very pairs, not just their number.
 void expect_pairs_of_oracle(const std::vector<Case>& cases) {
@@ -138,7 +139,7 @@ TEST(Stability, F3CountsAreThoseOfAnalysis) {
   EXPECT_EQ(pairs_of("spheres pole on pole"), 64U * 64U);
 }
 
-// ---- F4: slivers and degenerate triangles ------------------------------------------------------------
+// ---- F4: slivers and degenerate triangles -------------------------------------------------------
 
 TEST(Stability, F4NothingTouchableVanishes) { expect_scene_right("F4"); }
 
@@ -156,7 +157,7 @@ TEST(Stability, F4FaceNumbersDoNotShift) {
   }
 }
 
-// ---- F5: NaN and the like ---------------------------------------------------------------------------
+// ---- F5: NaN and the like -----------------------------------------------------------------------
 
 TEST(Stability, F5WhatIsNoPoseIsRefused) { expect_scene_right("F5"); }
 
@@ -185,7 +186,7 @@ TEST(Stability, F5ARefusalNamesTheBodyAndDisturbsNothing) {
   EXPECT_EQ(ask_nearmesh(sound).pairs, before.pairs);
 }
 
-// ---- F6 to F10 ----------------------------------------------------------------------------------------
+// ---- F6 to F10 ----------------------------------------------------------------------------------
 
 TEST(Stability, F6FarTinyAndHugeAreNoDifferent) { expect_scene_right("F6"); }
 // A point has no size of its own; beside a small body it must not coarsen what is resolved.
@@ -204,8 +205,8 @@ TEST(Stability, F8ContactsLieOnBothSurfaces) { expect_scene_right("F8"); }
 TEST(Stability, F9NoGhostsAtInnerEdges) { expect_scene_right("F9"); }
 TEST(Stability, F10NoContactIsLostAsLevelsChange) { expect_scene_right("F10"); }
 
-// On the way to the full mesh: once a contact is proved it stays, and until then the mesh passes within the stated
-// bound of where the contact turns out to be.
+// On the way to the full mesh: once a contact is proved it stays, and until then the mesh passes
+// within the stated bound of where the contact turns out to be.
 TEST(Stability, F10ContactsMoveWithinTheirBoundAndStay) {
   for (const Case& c : resting_cases()) {
     if (!c.held_a.empty()) continue;
@@ -248,7 +249,7 @@ TEST(Stability, F10ContactsMoveWithinTheirBoundAndStay) {
   }
 }
 
-// ---- F11: bounds --------------------------------------------------------------------------------------
+// ---- F11: bounds --------------------------------------------------------------------------------
 
 TEST(Stability, F11EveryStoredBoundHolds) { expect_scene_right("F11"); }
 
@@ -257,7 +258,7 @@ TEST(Stability, F11EveryStoredBoundOfTheTestModelsHolds) {
     EXPECT_EQ(test::check_bounds(test::bake_named(name).store, 24), "") << name;
 }
 
-// ---- F12, F13: order and threads ------------------------------------------------------------------------
+// ---- F12, F13: order and threads ----------------------------------------------------------------
 
 TEST(Stability, F12AnswersDoNotDependOnTheWay) { expect_scene_right("F12"); }
 
@@ -287,7 +288,7 @@ TEST(Stability, F13TwoThreadsGiveOneDigest) {
   EXPECT_EQ(second, alone);
 }
 
-// ---- F15 to F19 ---------------------------------------------------------------------------------------
+// ---- F15 to F19 ---------------------------------------------------------------------------------
 
 TEST(Stability, F15HollowsAreNotFilled) { expect_scene_right("F15"); }
 
@@ -302,7 +303,8 @@ TEST(Stability, F18ACutListSaysSo) { expect_scene_right("F18"); }
 
 TEST(Stability, F19GapsDownToAQuarterOfACell) { expect_scene_right("F19"); }
 
-// Bisection over the lattice, a quarter of a grid cell a step: contact on one side, free on the other, all the way.
+// Bisection over the lattice, a quarter of a grid cell a step: contact on one side, free on the
+// other, all the way.
 TEST(Stability, F19TheVerdictFlipsOnceAndInTheExactPlace) {
   for (const Case& c : gap_cases()) {
     if (c.name.find("gap 2^-0 m") == std::string::npos) continue;

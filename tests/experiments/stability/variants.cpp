@@ -169,7 +169,8 @@ std::optional<Case> moved_vertices(const Case& base, int k) {
   change_meshes(c, [&](IndexedMesh& mesh) {
     for (auto& p : mesh.positions_m) is_exact = is_exact && move_point(p, offset_m(k));
   });
-  // Turned bodies would part: their poses make up for it. Exact, since quarter turns only change signs.
+  // Turned bodies would part: their poses make up for it. Exact, since quarter turns only change
+  // signs.
   for (Pose* pose : {&c.a.pose, &c.b.pose, &c.end_b}) {
     for (const double entry : pose->rotation)
       is_exact = is_exact && (entry == 0 || std::abs(entry) == 1);
@@ -209,8 +210,8 @@ std::optional<Case> sheared(const Case& base, std::uint64_t seed) {
     bits = std::max(bits, g.bits);
     magnitude = std::max(magnitude, g.exponent + g.bits);
   }
-  // Three products are added, and there are two signs: 20 bits. And the pair's lattice is not below 2^-38 of the larger
-  // model: a quarter of the finer cell must not be.
+  // Three products are added, and there are two signs: 20 bits. And the pair's lattice is not below
+  // 2^-38 of the larger model: a quarter of the finer cell must not be.
   const int room = std::min(18 - bits, finest + 32 - magnitude);
   if (room < 3) return std::nullopt;
   for (const Pose* pose : {&base.a.pose, &base.b.pose})  // must stay on the pair's lattice

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// examples/cyclone, flown: what a program of another vendor moves, hears, and answers itself. UDP on 127.0.0.1.
+// examples/cyclone, flown: what a program of another vendor moves, hears, and answers itself. UDP
+// on 127.0.0.1.
 
 #include "on_loopback.hpp"
 #include "tests/system/integration/process.hpp"

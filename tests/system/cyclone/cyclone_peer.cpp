@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-cyclone-peer DOMAIN PREFIX WIRE_VERSION PEER REQUESTS: a peer made with Eclipse Cyclone DDS from nearmesh.idl
-// alone; it shares no line with the project. Waits for the publisher and its header, sends the requests one after the
-// other, and prints what it received, one line a sample:
+// nearmesh-cyclone-peer DOMAIN PREFIX WIRE_VERSION PEER REQUESTS: a peer made with Eclipse Cyclone
+// DDS from nearmesh.idl alone; it shares no line with the project. Waits for the publisher and its
+// header, sends the requests one after the other, and prints what it received, one line a sample:
 //   hello PUBLISHER NAMES_HEX HASHES...   header HASH NAME BYTES_HEX
 //   batch PUBLISHER HASH REQUEST SEQUENCE FLAGS BYTES_HEX
-// REQUESTS is a file with a line for each request: publisher, content hash, request, priority, acknowledged sequence,
-// window, most splits, count of attach words, they, count of part words, they. Ends with 1 after 30 s without an answer.
+// REQUESTS is a file with a line for each request: publisher, content hash, request, priority,
+// acknowledged sequence, window, most splits, count of attach words, they, count of part words,
+// they. Ends with 1 after 30 s without an answer.
 
 #include <dds/dds.h>
 
@@ -173,8 +174,9 @@ class Peer {
     });
   }
 
-  // A first word, with credit alone, makes the publisher open our partition. Asked before that is found, it would answer
-  // what a volatile reader never hears. Said again while nothing comes, since it may not have found our writer yet.
+  // A first word, with credit alone, makes the publisher open our partition. Asked before that is
+  // found, it would answer what a volatile reader never hears. Said again while nothing comes,
+  // since it may not have found our writer yet.
   void introduce(const Request& request) {
     Subscription credit = request.message;
     credit.request = 0;

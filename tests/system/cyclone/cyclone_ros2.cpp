@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-cyclone-ros2 DOMAIN SAYINGS: a program of ROS 2 as its tools and simulators are, made with Eclipse Cyclone DDS (which ROS 2
-// has as one of its own) from ros2.idl. Reads /tf, /tf_static, /nearmesh/contacts and /nearmesh/mesh with ROS 2's QoS, and prints a
-// line a transform and marker:
+// nearmesh-cyclone-ros2 DOMAIN SAYINGS: a program of ROS 2 as its tools and simulators are, made
+// with Eclipse Cyclone DDS (which ROS 2 has as one of its own) from ros2.idl. Reads /tf,
+// /tf_static, /nearmesh/contacts and /nearmesh/mesh with ROS 2's QoS, and prints a line a transform
+// and marker:
 //   tf FRAME CHILD X Y Z QX QY QZ QW     (or static)
 //   contacts FRAME NS ID TYPE ACTION LIFETIME POINTS LEAST_Z MOST_Z     (or mesh)
 // names in quotes. Twenty times a second it says what the file SAYINGS has, line by line:
 //   tf FRAME CHILD X Y Z W     pose TOPIC FRAME X Y Z W     bad TOPIC
-// where W is the rotation's, the rest of that is 0, and bad is another type under the name of a pose. Until it is killed.
+// where W is the rotation's, the rest of that is 0, and bad is another type under the name of a
+// pose. Until it is killed.
 
 #include <dds/dds.h>
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A peer of another vendor, nearmesh-cyclone-peer, against the real publisher: it must receive, to the byte, what a Fast
-// DDS peer receives that asked the same. UDP on 127.0.0.1, processes of their own.
+// A peer of another vendor, nearmesh-cyclone-peer, against the real publisher: it must receive, to
+// the byte, what a Fast DDS peer receives that asked the same. UDP on 127.0.0.1, processes of their
+// own.
 
 #include <algorithm>
 #include <cinttypes>

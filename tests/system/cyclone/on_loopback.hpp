@@ -7,8 +7,9 @@
 
 namespace nearmesh::test {
 
-/// Loopback offers no multicast to Cyclone: found by unicast, as the Fast DDS programs find each other there. In: more of its settings
-/// of the kind General. For programs that are started from now on.
+/// Loopback offers no multicast to Cyclone: found by unicast, as the Fast DDS programs find each
+/// other there. In: more of its settings of the kind General. For programs that are started from
+/// now on.
 inline void set_cyclone_on_loopback(const std::string& general = "") {
   const std::string settings =
       "<General><Interfaces><NetworkInterface name='lo'/></Interfaces>"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A flight that ROS 2 moves and looks at: nearmesh-subscriber run --ros2 --ros2-poses, and watch --ros2 beside it, against a program
-// of another vendor that has ROS 2's types and names. UDP on 127.0.0.1, processes of their own.
+// A flight that ROS 2 moves and looks at: nearmesh-subscriber run --ros2 --ros2-poses, and watch
+// --ros2 beside it, against a program of another vendor that has ROS 2's types and names. UDP on
+// 127.0.0.1, processes of their own.
 
 #include <nlohmann/json.hpp>
 
@@ -63,7 +64,8 @@ TEST_F(Ros2Flight, IsMovedAndSeenByAProgramOfAnotherVendor) {
   test::Process recorder(folder, "nearmesh-subscriber",
                          on_bus({"record", "-o", folder.file("flight.db3")}));
   ASSERT_TRUE(recorder.says("recording")) << recorder.err();
-  // Bodies high above the ground, and all that is to be refused: other frames, numbers that are no pose, bytes that are no message.
+  // Bodies high above the ground, and all that is to be refused: other frames, numbers that are no
+  // pose, bytes that are no message.
   const std::string rover = "tf world rover/base 300 0 900 1\n";
   const std::string bad =
       "pose /drone/pose odom 0 0 165 1\n"
@@ -225,7 +227,8 @@ TEST_F(Ros2Flight, IsShownByOneWhoLooksOn) {
   ASSERT_TRUE(is_answered("free"));
   EXPECT_TRUE(sees("contacts 'world' 'ground drone' 1 5 2 ")) << late.err();
 
-  // Who falls silent is not taken for one who stays where he is; nor is a peer who leaves taken for one who answers.
+  // Who falls silent is not taken for one who stays where he is; nor is a peer who leaves taken for
+  // one who answers.
   say("");
   ASSERT_TRUE(is_answered("uncertain"));
   EXPECT_TRUE(sees("contacts 'world' 'ground drone uncertain' 1 5 0 2 2 0 800\n"));

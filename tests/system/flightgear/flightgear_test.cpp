@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-example-flightgear against a stand-in that speaks FlightGear's generic protocol as the example's own files describe it.
+// nearmesh-example-flightgear against a stand-in that speaks FlightGear's generic protocol as the
+// example's own files describe it.
 
 #include <cmath>
 #include <map>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What both tests of examples/flightgear share: a bus with a publisher and a recorder, and UDP ports of one's own.
+// What both tests of examples/flightgear share: a bus with a publisher and a recorder, and UDP
+// ports of one's own.
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

@@ -17,7 +17,8 @@ void expect_near(const Vector& a, const Vector& b, double by) {
 }
 Vector column(const Matrix& m, std::size_t c) { return {m[c], m[3 + c], m[6 + c]}; }
 
-// The axes of the ellipsoid, and a place of which others give the numbers: Paris, in the pages of MATLAB's geodetic2ecef.
+// The axes of the ellipsoid, and a place of which others give the numbers: Paris, in the pages of
+// MATLAB's geodetic2ecef.
 TEST(Geodesy, KnowsPlacesByTheirNumbers) {
   expect_near(to_geocentric_m({0, 0, 0}), {6378137, 0, 0}, 1e-8);
   expect_near(to_geocentric_m({0, 90, 100}), {0, 6378237, 0}, 1e-8);
@@ -75,7 +76,8 @@ TEST(Geodesy, TurnsAircraftAsFlightGearDoes) {
               1e-15);
   EXPECT_NEAR(all[7], -std::sin(20 * kDegree) * std::cos(10 * kDegree), 1e-15);
 
-  // At the origin east, north, up; a quarter of the earth further east what was up there is east here.
+  // At the origin east, north, up; a quarter of the earth further east what was up there is east
+  // here.
   const SceneFrame frame({0, 0, 0});
   expect_near(frame.turn({0, 0, 0}, Vector{1, 2, 3}), {2, 1, -3}, 1e-15);
   expect_near(frame.turn({0, 90, 0}, Vector{0, 0, -1}), {1, 0, 0}, 1e-15);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// FlightGear itself as a peer, where it is installed (Debian: flightgear, xvfb, xauth, dbus-daemon): its own aircraft and flight model, without a
-// screen. The first start takes a minute, in which it makes its caches.
+// FlightGear itself as a peer, where it is installed (Debian: flightgear, xvfb, xauth,
+// dbus-daemon): its own aircraft and flight model, without a screen. The first start takes a
+// minute, in which it makes its caches.
 
 #include <array>
 #include <cstdio>
@@ -131,7 +132,8 @@ TEST_F(FlightGearFlight, OfFlightGearItself) {
            lines.contains("nearmesh: contact with terrain");
   };
   ASSERT_TRUE(test::await(saw, 200)) << test::read_text(log) << bridge->out() << bridge->err();
-  // It is put on its way over the hill, 172 m high: pushed out and out again, and free beyond the top.
+  // It is put on its way over the hill, 172 m high: pushed out and out again, and free beyond the
+  // top.
   ASSERT_TRUE(test::await(
       [&] {
         saw();

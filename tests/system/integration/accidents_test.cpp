@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The programs on machines that lack something: a line and an exit code, never a signal; and what --json prints parses.
+// The programs on machines that lack something: a line and an exit code, never a signal; and what
+// --json prints parses.
 
 #include <nlohmann/json.hpp>
 

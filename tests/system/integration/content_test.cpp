@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two files of one name, live: what peers answer about, and what everybody is told. Processes that talk over 127.0.0.1.
+// Two files of one name, live: what peers answer about, and what everybody is told. Processes that
+// talk over 127.0.0.1.
 
 #include <nlohmann/json.hpp>
 
@@ -164,7 +165,8 @@ TEST_F(Contents, PinnedOnesAreTheOnlyOnesTaken) {
   std::string err;
   const std::string refusal =
       "serves content " + content_a + " under this name; content " + content_b + " is pinned";
-  // Until it has found the publisher it says that there is none: on a busy machine it is given more time.
+  // Until it has found the publisher it says that there is none: on a busy machine it is given more
+  // time.
   for (int seconds = 4; seconds <= 64 && err.find(refusal) == std::string::npos; seconds *= 2) {
     write_scene(10, ", content: " + content_b, seconds);
     EXPECT_EQ(test::run(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}),

@@ -41,8 +41,8 @@ using PeerChannel = subscriber::DdsChannel;
 using Inbox = subscriber::Channel::Inbox;
 
 constexpr double kDeadline_s = 100;  ///< for anything that ought to happen soon
-/// Of every participant here: beyond what a loaded machine stalls, since whoever stalls is lost. Less where a loss is
-/// waited for.
+/// Of every participant here: beyond what a loaded machine stalls, since whoever stalls is lost.
+/// Less where a loss is waited for.
 inline double lease_s = 20;
 constexpr double kShortLease_s = 6;
 constexpr std::size_t kHeaderBytes = 300'000;
@@ -233,7 +233,8 @@ struct Peer {
   bool await(const std::function<bool(const Inbox&)>& condition, double seconds = kDeadline_s) {
     return wait_for([&] { return condition(collect()); }, seconds);
   }
-  /// Until all of these poses were heard, whose bodies were told: they are heard with best effort, so they are said again meanwhile.
+  /// Until all of these poses were heard, whose bodies were told: they are heard with best effort,
+  /// so they are said again meanwhile.
   bool await_said(PeerChannel& mover, const std::vector<wire::BodyPose>& poses) {
     SaysAgain again;
     return await([&](const Inbox& in) {
@@ -374,7 +375,8 @@ class Stranger {
   fdds::DataWriter* writer_;
 };
 
-/// What a reader of a topic that comes now finds: how many samples with a message, and all, also those that say that a key is taken back.
+/// What a reader of a topic that comes now finds: how many samples with a message, and all, also
+/// those that say that a key is taken back.
 struct Found {
   std::size_t messages = 0, all = 0;
 };

@@ -359,7 +359,8 @@ TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   EXPECT_EQ(heard_in(mover.collect()), Heard({{"leg", 2}}));
 }
 
-// What is kept of it would make ever larger the gap that late readers are told of, until no door lets that pass.
+// What is kept of it would make ever larger the gap that late readers are told of, until no door
+// lets that pass.
 TEST(DdsChannel, NothingIsKeptOfAPartThatHasNoPosesAnyMore) {
   Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
   const wire::SessionId id = mover.channel->own_id();
@@ -407,7 +408,8 @@ TEST(DdsRecorder, SamplesOfAWriterAreInOrderThoughItsClockWasSetBack) {
   wire::Writer<wire::BodyPoses> writer(mailbox);
   const auto bus = std::move(wire::Bus::open({.transport = transport(prefix)}, mailbox)).value();
   ASSERT_TRUE(writer.open(*bus).is_ok());
-  // All are there when the recorder comes, so they come to it at once. Each stands for its part, so all are kept.
+  // All are there when the recorder comes, so they come to it at once. Each stands for its part, so
+  // all are kept.
   constexpr std::uint32_t kCount = 40;
   const std::int64_t now_s = wire::now_us() / 1'000'000;
   for (std::uint32_t part = 0; part < kCount; ++part) {
@@ -447,7 +449,8 @@ TEST(DdsRecorder, WritersAreMergedByTheirTimesAndEachKeepsItsOrder) {
   using Order = std::vector<std::size_t>;
   EXPECT_EQ(subscriber::order_of({}), Order{});
   EXPECT_EQ(subscriber::order_of({{a, 2, 30}, {b, 1, 20}, {a, 1, 10}}), (Order{2, 1, 0}));
-  // The second of a is of a clock that was set back: it stays behind the first, and before what b said later.
+  // The second of a is of a clock that was set back: it stays behind the first, and before what b
+  // said later.
   EXPECT_EQ(subscriber::order_of({{b, 8, 60}, {a, 2, 10}, {b, 7, 40}, {a, 1, 50}, {a, 3, 20}}),
             (Order{2, 3, 1, 4, 0}));
   // Of one time: by writer, then by number.

@@ -80,7 +80,8 @@ TEST(DdsChannel, NearPosesAreSentToThoseAloneWhoWantThem) {
     ASSERT_EQ(wants.all.bodies.size(), 1U);
     std::uint64_t frame = 0;
     for (int i = 0; i < 20; ++i) mover.channel->send_near(near_of(id, ++frame));
-    // Wishes and near poses are not repeated by the bus, and a wish ends by itself: both are said again.
+    // Wishes and near poses are not repeated by the bus, and a wish ends by itself: both are said
+    // again.
     using Parts = std::vector<wire::WantedPoses::Part>;
     const auto say_wish = [&](Peer& peer, Parts parts) {
       peer.channel->want({.peer = peer.channel->own_id(), .mover = id, .parts = std::move(parts)});
@@ -185,7 +186,8 @@ TEST(DdsChannel, NobodyWantsPosesInThePlaceOfAnotherPeer) {
   ASSERT_TRUE(wants.await([](const Inbox& in) { return !in.promises.empty(); }));
   const wire::WantedPoses wish{.peer = victim, .mover = id, .parts = {{0, 1}}};
   std::uint64_t frame = 0;
-  // Wishes and near poses are not repeated by the bus, and a wish ends by itself: both are said again.
+  // Wishes and near poses are not repeated by the bus, and a wish ends by itself: both are said
+  // again.
   const auto reaches_victim = [&] {
     wants.channel->want(wish);
     const std::uint64_t since = frame;
@@ -290,7 +292,8 @@ wire::BodyPromises promise_of(wire::SessionId peer, std::uint32_t number, double
   return promises;
 }
 
-/// Promises that wait for one of several directories are told again with each that comes, so they are not counted.
+/// Promises that wait for one of several directories are told again with each that comes, so they
+/// are not counted.
 bool is_promised(const Inbox& in, const std::string& body, double from_s) {
   return std::any_of(in.promises.begin(), in.promises.end(), [&](const auto& promise) {
     return promise.body == body && promise.from_s == from_s;
@@ -441,7 +444,8 @@ TEST(DdsChannel, APromiseOfABodyThatIsGoneDoesNotWaitBesideThePoseOfTheNextOfIts
       first.channel->send(wire::BodyDirectory{.peer = first_id});
     const wire::BodyPose next = pose_of(second_id, "arm", 2);
     say(*second.channel, next);
-    // Time for all of it: without, each may have an inbox of its own, and the test would say nothing.
+    // Time for all of it: without, each may have an inbox of its own, and the test would say
+    // nothing.
     for (int i = 0; i < 20; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       second.channel->send(said_of(next).poses);

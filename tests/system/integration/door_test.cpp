@@ -36,10 +36,11 @@ namespace {
 namespace fdds = wire::fdds;
 namespace rtps = wire::rtps;
 
-constexpr double kDeadline_s =
-    100;  ///< of what ought to happen soon: a machine may be held up for many seconds
+/// Of what ought to happen soon: a machine may be held up for many seconds.
+constexpr double kDeadline_s = 100;
 constexpr double kLease_s = 5;
-/// Of a test each: the packet ends everybody on the bus who has no door. Their ports lie below those that systems give out.
+/// Of a test each: the packet ends everybody on the bus who has no door. Their ports lie below
+/// those that systems give out.
 // Of nobody else: who is found there is counted.
 enum Domain : std::uint32_t {
   kDeadly = 64,
@@ -177,8 +178,8 @@ class Ear {
   const int socket_;
 };
 
-/// Speaks from one socket to all participants of a domain, in the name of some that are none: once to each, where it hears of
-/// endpoints.
+/// Speaks from one socket to all participants of a domain, in the name of some that are none: once
+/// to each, where it hears of endpoints.
 class Hostile {
  public:
   explicit Hostile(std::uint32_t domain)
@@ -279,7 +280,8 @@ TEST(Door, BusGoesOnUnderFragmentsGapsAndHeartbeatsThatAreNone) {
   const auto refused = [&] {
     return hearer->door()->refused()[static_cast<std::size_t>(wire::DoorRefusal::kFragments)];
   };
-  // Of a key; so short that the list of the missing ones has no room; of an endpoint, which comes in parts.
+  // Of a key; so short that the list of the missing ones has no room; of an endpoint, which comes
+  // in parts.
   for (const Rtps& fragments :
        {say().fragments(1, 1, 100, 250, 100, 0x103, 4), say().fragments(1, 1, 1, 9, 1),
         say().fragments(1, 2, 2, 9, 4), say().fragments(3, 1, 3, 9, 3),
@@ -289,7 +291,8 @@ TEST(Door, BusGoesOnUnderFragmentsGapsAndHeartbeatsThatAreNone) {
   }
   // Sizes that differ pass, and are read as the first one says; nobody awaits this sample.
   hostile.say(say().fragments(1, 1, 8000, 60'000, 8000).fragments(7, 1, 9999, 60'000, 6).bytes);
-  // Who counts all these numbers hears of no endpoint for months, so that what is said next does not come, nor does this test end.
+  // Who counts all these numbers hears of no endpoint for months, so that what is said next does
+  // not come, nor does this test end.
   hostile.say(say().gap(2, wire::kMaxSequence, 0).bytes);
   hostile.say(say().heartbeat(wire::kMaxSequence, wire::kMaxSequence).bytes);
 
@@ -310,7 +313,8 @@ TEST(Door, BusGoesOnUnderFragmentsGapsAndHeartbeatsThatAreNone) {
       kDeadline_s, 0.01));
 }
 
-// As Cyclone DDS puts together what two participants of one process say. Judged as the first one's word the second's is refused.
+// As Cyclone DDS puts together what two participants of one process say. Judged as the first one's
+// word the second's is refused.
 TEST(Door, BothSpeakersOfADatagramAreFound) {
   Watcher watcher(kSpeakers, qos_of("door"));
   Rtps m(key_of(8));
@@ -336,7 +340,8 @@ TEST(Door, WhoSpeaksFromAnotherSocketIsHeardOnceItHasBeenSilent) {
         return watcher.found == 2;
       },
       kDeadline_s, 0.1));
-  // As the door counts, whose time stands still where it is held up: some seconds more than the time of learning takes.
+  // As the door counts, whose time stands still where it is held up: some seconds more than the
+  // time of learning takes.
   ASSERT_TRUE(poll(
       [&] {
         announce();

@@ -7,7 +7,8 @@
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
 
-/// 1 when two touching bodies of the model come to be certified, 0 when they do not or the file cannot be read.
+/// 1 when two touching bodies of the model come to be certified, 0 when they do not or the file
+/// cannot be read.
 extern "C" __attribute__((visibility("default"))) int host_library_certifies(
     const char* model_file) {
   using namespace nearmesh;

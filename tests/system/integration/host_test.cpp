@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh inside a host that has a DDS of its own (examples/flight_sim): what the host had stays as it was, in whatever
-// order things end, and nothing of ours shows in its process.
+// nearmesh inside a host that has a DDS of its own (examples/flight_sim): what the host had stays
+// as it was, in whatever order things end, and nothing of ours shows in its process.
 
 #include <dlfcn.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -263,9 +263,10 @@ TEST(HostLibrary, ExportsNoSymbolOfOurs) {
   EXPECT_EQ(own, 2U);
 }
 
-/// Data of ours in that library that could be written to: constants alone (kName), which need an address or a table to be
-/// filled in at start, Highway's tables of functions, and the table in which filters of Fast DDS, that are given a sample and nothing
-/// else, find the session that wrote it (idl/dds/routes.cpp).
+/// Data of ours in that library that could be written to: constants alone (kName), which need an
+/// address or a table to be filled in at start, Highway's tables of functions, and the table in
+/// which filters of Fast DDS, that are given a sample and nothing else, find the session that wrote
+/// it (idl/dds/routes.cpp).
 TEST(HostLibrary, HasNoGlobalState) {
   const test::Folder folder;
   const std::string list = folder.file("symbols");
@@ -383,7 +384,7 @@ TEST_F(SecuredHost, TakesItsIdentityOnceAndBeforeTheDoor) {
   EXPECT_TRUE(with_door == with_door_before);
 }
 
-// ---- the whole simulator -------------------------------------------------------------------------------------------
+// ---- the whole simulator ------------------------------------------------------------------------
 
 TEST(FlightSim, TwoOfThemFlyAndMeet) {
   const test::Folder folder;
@@ -438,14 +439,15 @@ TEST(FlightSim, SaysWhatIsWrong) {
   EXPECT_NE(err.find("no publisher found"), std::string::npos) << err;
 }
 
-// ---- step time -----------------------------------------------------------------------------------------------------
+// ---- step time ----------------------------------------------------------------------------------
 
 double p99_us(std::vector<double>& samples_us) {
   std::sort(samples_us.begin(), samples_us.end());
   return samples_us[samples_us.size() * 99 / 100];
 }
 
-/// Reports figures, asserts none: machines are shared. The two hosts take turns, so both see the same load.
+/// Reports figures, asserts none: machines are shared. The two hosts take turns, so both see the
+/// same load.
 TEST_F(Host, StepTimesWithAndWithoutSideBySide) {
   const auto with = join(), without = join();
   auto session = make_session(*with);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The programs as an operator meets them: settings, status, doctor, metrics, transports. Processes that talk over
-// 127.0.0.1; every test has a domain and topics of its own.
+// The programs as an operator meets them: settings, status, doctor, metrics, transports. Processes
+// that talk over 127.0.0.1; every test has a domain and topics of its own.
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -219,7 +219,8 @@ TEST_F(Operate, WrongSettingsNameTheirPlace) {
   EXPECT_NE(err.find("NEARMESH_DOMAIN: expected a whole number"), std::string::npos) << err;
 }
 
-/// The tables of docs/operate.md, rows as "| `key` | built-in | values | help |", are those of the programs.
+/// The tables of docs/operate.md, rows as "| `key` | built-in | values | help |", are those of the
+/// programs.
 TEST_F(Operate, PageHoldsEverySetting) {
   const std::vector<std::string> page = test::lines_of(test::read_text(NEARMESH_OPERATE_PAGE));
   for (const auto& [program, command] :
@@ -527,8 +528,9 @@ TEST_F(Operate, VersionsOfEveryProgramAndVerb) {
     }
 }
 
-/// A program of another release, as far as this one can be it: an endpoint of each topic, named and filled in for that wire version. It serves
-/// the same name with another content, asks, and moves the body that others move.
+/// A program of another release, as far as this one can be it: an endpoint of each topic, named and
+/// filled in for that wire version. It serves the same name with another content, asks, and moves
+/// the body that others move.
 class OtherRelease {
  public:
   OtherRelease(const wire::TransportOptions& transport, std::uint16_t version) : version_(version) {

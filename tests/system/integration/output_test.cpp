@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every verb of every program: a stream that fails ends it with exit code 1 and a line, and what a user has is never harmed.
+// Every verb of every program: a stream that fails ends it with exit code 1 and a line, and what a
+// user has is never harmed.
 #include <sys/ioctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -30,8 +31,8 @@ struct Written {
 /// One way to call a verb, whose name is the first word of `words`.
 struct Row {
   std::string program, words;
-  bool prints =
-      true;  ///< on standard output; else it runs until it is told to stop, and must be silent
+  /// On standard output; else it runs until it is told to stop, and must be silent.
+  bool prints = true;
   std::vector<Written> writes{};
   bool needs_publisher = false;
 };
@@ -94,7 +95,8 @@ const std::vector<Row>& rows() {
   return kRows;
 }
 
-/// What is named under "Subcommands:" in a program's help, where every line of one word and a text is a verb.
+/// What is named under "Subcommands:" in a program's help, where every line of one word and a text
+/// is a verb.
 std::vector<std::string> verbs_of(const std::string& help) {
   std::vector<std::string> verbs;
   bool in_list = false;
@@ -283,7 +285,8 @@ TEST_F(Output, AFullStandardOutputEndsEveryVerb) {
     serve(row);
     Ended ended;
     std::vector<std::string> said;
-    // Who listens for a time that is short and fixed may hear nobody on a busy machine, and says that.
+    // Who listens for a time that is short and fixed may hear nobody on a busy machine, and says
+    // that.
     EXPECT_TRUE(test::await([&] {
       ended = run(row, "/dev/full");
       said = ended.last_words(row.program);
@@ -500,8 +503,8 @@ TEST_F(Output, AFlightEndsWhenInterruptedThoughNobodyReadsItsAnswers) {
   };
   {
     SCOPED_TRACE("nobody opens");
-    bool has_waited =
-        false;  // it opens the pipe with its first frame; before, there is nothing to be told
+    // It opens the pipe with its first frame; before, there is nothing to be told.
+    bool has_waited = false;
     for (double after_s = 1; after_s <= 64 && !has_waited && !HasFailure(); after_s *= 2)
       has_waited = interrupted(after_s, [](Process&) {});
     EXPECT_TRUE(has_waited);

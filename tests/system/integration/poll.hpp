@@ -8,8 +8,8 @@
 
 namespace nearmesh::test {
 
-/// Looks every `period_s` until `done` holds; false when the time is over. Looks once more then: this program may have been held up since
-/// it looked last.
+/// Looks every `period_s` until `done` holds; false when the time is over. Looks once more then:
+/// this program may have been held up since it looked last.
 inline bool poll(const std::function<bool()>& done, double seconds, double period_s) {
   using Seconds = std::chrono::duration<double>;
   const auto end = std::chrono::steady_clock::now() + Seconds(seconds);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The real programs as child processes: started, waited for with a deadline, signalled, their output kept in files.
+// The real programs as child processes: started, waited for with a deadline, signalled, their
+// output kept in files.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -29,7 +30,8 @@ namespace nearmesh::test {
 
 /// For anything that ought to happen soon: a machine may be held up for many seconds.
 constexpr double kDeadline_s = 100;
-/// For the end of a program that is told to end, which is promised within two seconds, on such a machine.
+/// For the end of a program that is told to end, which is promised within two seconds, on such a
+/// machine.
 constexpr double kEnd_s = 20;
 
 inline void pause(double seconds) {
@@ -137,15 +139,17 @@ inline int run(const Folder& folder, const std::string& program,
   if (err != nullptr) *err = process.err();
   return code;
 }
-/// The same, again until it ends with 0 and `holds` of what it printed. Of a program that listens for a time that is short and fixed, in
-/// which a busy machine may say nothing. False when the time is over.
+/// The same, again until it ends with 0 and `holds` of what it printed. Of a program that listens
+/// for a time that is short and fixed, in which a busy machine may say nothing. False when the time
+/// is over.
 inline bool run_until(const Folder& folder, const std::string& program,
                       const std::vector<std::string>& arguments, std::string& out,
                       const std::function<bool()>& holds) {
   return await([&] { return run(folder, program, arguments, &out) == 0 && holds(); });
 }
 
-/// Path of a small model, made by nearmesh-model when a newer program asks for the first time; tests share it.
+/// Path of a small model, made by nearmesh-model when a newer program asks for the first time;
+/// tests share it.
 inline std::string model_file(const std::string& kind, int size) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::path(NEARMESH_MODELS_DIR) / std::to_string(size);
@@ -172,7 +176,8 @@ inline std::string model_file(const std::string& kind, int size) {
   return model.string();
 }
 
-/// Waits until a file of answers, which grows, has so many from that line on of which `is_wanted` holds.
+/// Waits until a file of answers, which grows, has so many from that line on of which `is_wanted`
+/// holds.
 inline bool answers_come(const std::string& answers, std::size_t from_line, std::size_t count,
                          const std::function<bool(const std::string& line)>& is_wanted) {
   std::ifstream in;
@@ -203,7 +208,8 @@ inline std::optional<CheckedAnswers> read_checked(const std::string& out) {
     return std::nullopt;
   return CheckedAnswers{answers, wrong, certified};
 }
-/// What nearmesh-model check says of a file of answers. In: paths of the models that it is about. A failed expectation where it fails.
+/// What nearmesh-model check says of a file of answers. In: paths of the models that it is about. A
+/// failed expectation where it fails.
 inline CheckedAnswers check_answers(const Folder& folder, const std::vector<std::string>& models,
                                     const std::string& answers) {
   std::vector<std::string> words{"check"};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-publisher and nearmesh-subscriber as a user runs them: processes that talk over UDP on 127.0.0.1. Every test
-// has a domain of its own, and topics of its own in case another checkout tests at the same time.
+// nearmesh-publisher and nearmesh-subscriber as a user runs them: processes that talk over UDP on
+// 127.0.0.1. Every test has a domain of its own, and topics of its own in case another checkout
+// tests at the same time.
 
 #include <sys/stat.h>
 
@@ -101,7 +102,8 @@ class Programs : public ::testing::Test {
     const std::string status = answer.value("status", "");
     return status == "free" || status == "contact";
   }
-  /// Waits for so many answers of a scene that flies, from a line of its file on, of which `is_wanted` holds.
+  /// Waits for so many answers of a scene that flies, from a line of its file on, of which
+  /// `is_wanted` holds.
   bool answers_come(const std::string& scene, std::size_t from_line, std::size_t count,
                     bool (*is_wanted)(const json&) = is_certified) const {
     return test::answers_come(
@@ -229,7 +231,8 @@ TEST_F(Programs, LateJoinerIsAnsweredToo) {
     EXPECT_EQ(checked.wrong, 0U);
     EXPECT_GT(checked.certified, checked.answers / 2);
   }
-  // It came seconds later, and has the other's time; up to a frame behind, since it takes that from what it hears.
+  // It came seconds later, and has the other's time; up to a frame behind, since it takes that from
+  // what it hears.
   int fresh = 0;
   for (const json& answer : answers_of("late"))
     if (answer.at("a") == "one" && is_certified(answer))
@@ -273,7 +276,8 @@ TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
   EXPECT_EQ(publisher->wait(), 0) << publisher->err();
 }
 
-// Nothing is certified about the dead one's body once its pose has aged; and the recording proves what was said.
+// Nothing is certified about the dead one's body once its pose has aged; and the recording proves
+// what was said.
 TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
   write_flights(kLong);
   write_scene("first", {"one"}, "[[ground, one], [one, two]]");
@@ -329,7 +333,8 @@ TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
 TEST_F(Programs, UnknownModelEndsTheStartWithItsName) {
   write_flights(20);
   const auto publisher = serve();
-  // Until it has found the publisher it says that there is none: on a busy machine it is given more time.
+  // Until it has found the publisher it says that there is none: on a busy machine it is given more
+  // time.
   const std::string expected = "model spectre of body one: no publisher serves it";
   std::string said;
   for (int seconds = 2; seconds <= 64 && said.find(expected) == std::string::npos; seconds *= 2) {
@@ -545,7 +550,8 @@ TEST_F(Programs, JsonParsesLineByLine) {
   EXPECT_GT(summary.at("first_certified_s").get<double>(), 0);
 }
 
-// Two peers that each move one body of three: of each frame's three pairs each is answered, free by bounds, or unknown.
+// Two peers that each move one body of three: of each frame's three pairs each is answered, free by
+// bounds, or unknown.
 TEST_F(Programs, AllPairsAreAnsweredOrToldTogether) {
   constexpr std::uint64_t kFrames = 60;
   write_flights(kFrames);
@@ -699,8 +705,9 @@ json verify(const Folder& folder, const std::string& session, std::vector<std::s
   return v;
 }
 
-// None of what can be proved is different. On a machine that is very busy a recorder may miss batches, and what depends on them
-// cannot be proved; that it hears them all is tested by itself (dds_channel_test.cpp).
+// None of what can be proved is different. On a machine that is very busy a recorder may miss
+// batches, and what depends on them cannot be proved; that it hears them all is tested by itself
+// (dds_channel_test.cpp).
 void expect_proved(const Folder& folder, const std::string& session, std::uint64_t least) {
   const json v = verify(folder, session);
   EXPECT_EQ(v.at("different"), 0U);
@@ -840,8 +847,8 @@ TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
   EXPECT_EQ(proved.at("different"), 0U);
   EXPECT_GT(proved.at("before"), 100U);  // of the first 225 reports and more
   EXPECT_GT(proved.at("answers"), 300U);
-  // All but what was said until the peer had told what it holds: half a second after it heard of the recorder, which takes
-  // another second where the first announcement was lost, out of forty.
+  // All but what was said until the peer had told what it holds: half a second after it heard of
+  // the recorder, which takes another second where the first announcement was lost, out of forty.
   EXPECT_GT(proved.at("proved"), proved.at("answers").get<double>() * 0.5) << proved;
   EXPECT_EQ(proved.at("proved").get<int>() + proved.at("lacking_batches").get<int>(),
             proved.at("answers").get<int>());
@@ -984,8 +991,8 @@ TEST_F(Programs, WhoWaitsForAPublisherLooksSeldomForIt) {
   };
   ASSERT_TRUE(peer->says("joined domain")) << peer->err();
   std::this_thread::sleep_for(std::chrono::seconds(4));
-  const Stopwatch
-      clock;  // before the count: who is held up in between counts too few, not too many
+  // Before the count: who is held up in between counts too few, not too many.
+  const Stopwatch clock;
   const int before = sleeps();
   EXPECT_GT(before, 0);
   std::this_thread::sleep_for(std::chrono::seconds(2));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-publisher replay as a user runs it: a session of a publisher and two peers is recorded once, then played into
-// domains of its own.
+// nearmesh-publisher replay as a user runs it: a session of a publisher and two peers is recorded
+// once, then played into domains of its own.
 
 #include <pty.h>
 #include <utmp.h>
@@ -183,8 +183,8 @@ TEST_F(ReplayProgram, RecordedAgainItIsTheSame) {
 
 TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   const std::string session = record_session();
-  // Moves a body that nobody asks about, and asks about those of the recording. Its time goes on as that of the machine, the
-  // recording's at half the rate, and back.
+  // Moves a body that nobody asks about, and asks about those of the recording. Its time goes on as
+  // that of the machine, the recording's at half the rate, and back.
   write_scene("late", "  - {body: three, trajectory: flight1.csv}\n",
               "[[ground, one], [ground, two], [one, two]]", "max_pose_age_s: 60\n");
   const auto player =

@@ -183,7 +183,8 @@ TEST_F(Revoked, EndsEachVerbOnTheBus) {
 }
 
 TEST_F(Revoked, OthersFlyOnCertified) {
-  // Alice's folder is no part of the set. It gets the list when bob has barred her, or she might leave by herself before.
+  // Alice's folder is no part of the set. It gets the list when bob has barred her, or she might
+  // leave by herself before.
   const std::string set = folder.file("set"), elsewhere = folder.file("elsewhere");
   const auto on_bus = [&](std::vector<std::string> words, const std::string& identity) {
     words.insert(words.end(), {"--domain", std::to_string(kDomain), "--prefix", prefix});

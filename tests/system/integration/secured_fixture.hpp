@@ -17,7 +17,8 @@ namespace nearmesh::test {
 
 namespace fs = std::filesystem;
 
-/// One a process: others of these tests run beside this one, and would try a handshake with each of its participants.
+/// One a process: others of these tests run beside this one, and would try a handshake with each of
+/// its participants.
 inline const int kDomain = 133 + static_cast<int>(::getpid() % 90);
 inline constexpr wire::SessionId kTrue = 0x7, kFalse = 0xbad;
 /// How long nothing may have come once somebody else was let in; a handshake takes some 0.3 s.
@@ -140,7 +141,8 @@ class Secured : public ::testing::Test {
     say(*peer.channel, pose);
     peer.said[body] = said_of(pose).poses;
   }
-  // Nothing of a false publisher reaches the peer, while the true one is heard, and nothing of the peer reaches it.
+  // Nothing of a false publisher reaches the peer, while the true one is heard, and nothing of the
+  // peer reaches it.
   void expect_unheard(publisher::DdsChannel& false_publisher, SecuredPeer& peer) const {
     ASSERT_TRUE(peer.hears(kTrue));
     peer.channel->send(request_of(peer, kFalse));

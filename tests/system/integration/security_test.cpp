@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Secured programs over real sockets on 127.0.0.1: who may join, who may serve, and whose a body is. Each refusal stands
-// beside somebody who is let in, so that a bus on which nobody hears anybody passes no test.
+// Secured programs over real sockets on 127.0.0.1: who may join, who may serve, and whose a body
+// is. Each refusal stands beside somebody who is let in, so that a bus on which nobody hears
+// anybody passes no test.
 
 #include <set>
 
@@ -47,7 +48,8 @@ TEST_F(Secured, IdentityOfAnotherAuthorityMatchesNothing) {
 }
 
 TEST_F(Secured, PermissionsOfAnotherAuthorityGrantNothing) {
-  // Alice is known here as a subscriber; elsewhere she signed herself the permissions of a publisher.
+  // Alice is known here as a subscriber; elsewhere she signed herself the permissions of a
+  // publisher.
   const std::string set = make_set("set"), own = make_set("own", wire::Role::kPublisher);
   const std::string forged = folder.file("forged");
   fs::copy(set + "/alice", forged);
@@ -107,7 +109,8 @@ TEST_F(Secured, BodyStaysWithItsIdentity) {
   EXPECT_TRUE(watcher.hears(again, "arm", 6));
 }
 
-// The more come in one moment, the more of them are introduced to each other by two threads at once.
+// The more come in one moment, the more of them are introduced to each other by two threads at
+// once.
 TEST_F(Secured, WhoJoinsAtOnceHearsAllOthers) {
   constexpr std::size_t kPeers = 6;
   constexpr int kRounds = 5;
@@ -170,7 +173,8 @@ TEST_F(LongHandshake, OfAsManyTopicsAsAreTakenPasses) {
   expect_to_pass(plan);
 }
 
-/// Programs on a secured bus: an aircraft over a ground, served, flown, recorded, checked and verified.
+/// Programs on a secured bus: an aircraft over a ground, served, flown, recorded, checked and
+/// verified.
 class SecuredPrograms : public Secured {
  protected:
   // Out: how many of 40 answers were certified.

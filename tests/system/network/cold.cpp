@@ -41,8 +41,9 @@ struct Cold {
   subscriber::SessionStats stats;
 };
 
-/// A peer that knows from the start where the bodies are. A scene that moves is flown from its pose `first` on, an update a
-/// frame; else the peer looks whenever something comes, until its answer is certified.
+/// A peer that knows from the start where the bodies are. A scene that moves is flown from its pose
+/// `first` on, an update a frame; else the peer looks whenever something comes, until its answer is
+/// certified.
 Cold start_cold(const Lan& lan, const chart::Scene& scene, std::size_t first, unsigned domain) {
   subscriber::DdsChannelOptions options;
   options.transport.domain = domain;

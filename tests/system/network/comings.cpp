@@ -124,7 +124,8 @@ bool measure_outages(const std::string& out, const Exercise& exercise, int times
                      std::uint64_t seed) {
   Dice dice(seed);
   std::vector<double> down_s;
-  // Half of them about as long as the 3 s of silence that count as a loss, where one side may have lost the other and not been lost.
+  // Half of them about as long as the 3 s of silence that count as a loss, where one side may have
+  // lost the other and not been lost.
   for (int i = 0; i < times; ++i)
     down_s.push_back(i % 2 == 0 ? dice.between(2, 4) : dice.between(0.2, 8));
   const Outages found = outages(exercise, down_s, true);

@@ -15,16 +15,17 @@ struct Joins {
   std::vector<double> seconds;  ///< from a program's start to its first certified answer, ascending
   std::vector<std::string> faults;  ///< one for each that did not join, or was wrong
 };
-/// So many nearmesh-subscribers, one after the other, at a publisher that has long been serving and with a peer that has
-/// long been flying, each near that one and over the ground. Every answer is checked against the full meshes.
+/// So many nearmesh-subscribers, one after the other, at a publisher that has long been serving and
+/// with a peer that has long been flying, each near that one and over the ground. Every answer is
+/// checked against the full meshes.
 [[nodiscard]] Joins join_in_a_row(const Exercise& exercise, int times, double loss,
                                   std::uint64_t seed);
 
 struct Outage {
   bool of_publisher = false;  ///< whose link was down
   double down_s = 0;
-  double back_s =
-      0;  ///< from the link being up to an answer that needed new detail; -1: it did not come in time
+  /// From the link being up to an answer that needed new detail; -1: it did not come in time.
+  double back_s = 0;
 };
 struct Outages {
   std::vector<Outage> all;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Late joins, links that go down, and a short soak, with the real programs. At length: nearmesh-network joins, outages, soak.
+// Late joins, links that go down, and a short soak, with the real programs. At length:
+// nearmesh-network joins, outages, soak.
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hosts between which no multicast passes, whose programs find each other through nearmesh-publisher discovery alone.
+// Hosts between which no multicast passes, whose programs find each other through
+// nearmesh-publisher discovery alone.
 
 #include <gtest/gtest.h>
 

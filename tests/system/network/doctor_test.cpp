@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What doctor and status say of networks and programs that are not well, in namespaces of the tests' own.
+// What doctor and status say of networks and programs that are not well, in namespaces of the
+// tests' own.
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
@@ -33,8 +34,8 @@ class DoctorOn : public NetworkFixture {
     words.insert(words.end(), more.begin(), more.end());
     return std::make_unique<Process>(folder, "nearmesh-subscriber", words);
   }
-  /// One on each of two hosts, again until `holds` of what the two told: they measure for a time that is short and fixed, in which a
-  /// machine may be held up.
+  /// One on each of two hosts, again until `holds` of what the two told: they measure for a time
+  /// that is short and fixed, in which a machine may be held up.
   bool examine_both(const Lan& lan, const Words& more,
                     const std::function<bool(const json&, const json&)>& holds) {
     return await([&] {

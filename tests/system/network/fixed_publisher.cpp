@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-network-publisher DOMAIN ID MODEL...: serves as nearmesh-publisher does, under a number of the caller's choice instead of
-// a drawn one, so that who asks whom is known before. Says "ready" on standard error; ends with SIGINT.
+// nearmesh-network-publisher DOMAIN ID MODEL...: serves as nearmesh-publisher does, under a number
+// of the caller's choice instead of a drawn one, so that who asks whom is known before. Says
+// "ready" on standard error; ends with SIGINT.
 
 #include <csignal>
 #include <cstdio>

@@ -10,7 +10,8 @@
 namespace nearmesh::test {
 namespace {
 
-/// To the side of the one before, and of the same peer's last time round: nobody flies where it holds the detail already.
+/// To the side of the one before, and of the same peer's last time round: nobody flies where it
+/// holds the detail already.
 constexpr double kApart_m = 20, kRound_m = 170;
 constexpr double kFlyRows_hz = 2;  ///< of the trajectory: 80 m a row
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Healthy peers inside this process, on one host of a Lan: each with a session, a participant and a thread of its own, flying
-// over the terrain until the end. What a bad peer does to them is read from the times of their answers.
+// Healthy peers inside this process, on one host of a Lan: each with a session, a participant and a
+// thread of its own, flying over the terrain until the end. What a bad peer does to them is read
+// from the times of their answers.
 
 #include <atomic>
 #include <memory>
@@ -55,7 +56,8 @@ class Flyers {
   std::vector<std::thread> threads_;
 };
 
-/// A publisher on host 0, peers that fly on host 1, and host 2 for whoever disturbs or watches them.
+/// A publisher on host 0, peers that fly on host 1, and host 2 for whoever disturbs or watches
+/// them.
 struct Airspace {
   /// Throws std::runtime_error.
   explicit Airspace(const Exercise& exercise);

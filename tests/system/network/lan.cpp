@@ -81,8 +81,8 @@ std::string shaping(const std::string& device, const Link& link) {
          std::to_string(burst) + " limit " + std::to_string(queue);
 }
 
-/// All frames that come in through an interface of this namespace. The first bytes of each say what is left to do of its
-/// checksum, and must go with it.
+/// All frames that come in through an interface of this namespace. The first bytes of each say what
+/// is left to do of its checksum, and must go with it.
 int open_frames(const std::string& interface) {
   const int made = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, htons(ETH_P_ALL));
   const int on = 1, buffer_bytes = 1 << 22;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A small network inside this process: hosts in network namespaces, joined by a bridge in one more, each over a link with a
-// rate, a queue and losses of its own. The namespaces have no names: they are held by file descriptors and by the processes
-// in them, so the kernel removes them, links and all, however this process ends.
-// Needs root, iproute2 (ip, tc) and nft. A delay is made by a thread that forwards frames: netem is not in every kernel.
+// A small network inside this process: hosts in network namespaces, joined by a bridge in one more,
+// each over a link with a rate, a queue and losses of its own. The namespaces have no names: they
+// are held by file descriptors and by the processes in them, so the kernel removes them, links and
+// all, however this process ends. Needs root, iproute2 (ip, tc) and nft. A delay is made by a
+// thread that forwards frames: netem is not in every kernel.
 
 #include <cstdint>
 #include <memory>
@@ -26,7 +27,8 @@ class Lan {
   /// Why networks cannot be made here; empty when they can.
   [[nodiscard]] static std::string why_not_permitted();
 
-  /// Host i has the address 10.77.0.(i + 1) on its interface e0. Throws std::runtime_error with the command that failed.
+  /// Host i has the address 10.77.0.(i + 1) on its interface e0. Throws std::runtime_error with the
+  /// command that failed.
   explicit Lan(const std::vector<Link>& hosts);
   ~Lan();
   Lan(const Lan&) = delete;
@@ -46,9 +48,11 @@ class Lan {
   };
   [[nodiscard]] Visit visit(std::size_t host) const { return Visit(hosts_.at(host)); }
 
-  /// Takes a host's e0 down, or up again, as a pulled cable or an operator does: routes go with it, the address stays.
+  /// Takes a host's e0 down, or up again, as a pulled cable or an operator does: routes go with it,
+  /// the address stays.
   void set_up(std::size_t host, bool up) const;
-  /// Gives a host's e0 the address 10.77.0.`last`, or takes what it has, as on a machine that was suspended and has resumed.
+  /// Gives a host's e0 the address 10.77.0.`last`, or takes what it has, as on a machine that was
+  /// suspended and has resumed.
   void give_address(std::size_t host, std::size_t last) const;
   void take_address(std::size_t host) const;
   /// Of the interfaces of all hosts: larger packets are sent in fragments.

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-network-peers: many peers in one process, for nearmesh-network. They share a participant, and have of their own a
-// session, the writer of their subscriptions and the reader of their batches; they send neither poses nor reports. Each flies along
-// the same trajectory from another place on it. When all are ready it prints "ready", flies until SIGINT, and prints one JSON line.
+// nearmesh-network-peers: many peers in one process, for nearmesh-network. They share a
+// participant, and have of their own a session, the writer of their subscriptions and the reader of
+// their batches; they send neither poses nor reports. Each flies along the same trajectory from
+// another place on it. When all are ready it prints "ready", flies until SIGINT, and prints one
+// JSON line.
 
 #include <CLI/CLI.hpp>
 #include <csignal>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-network-mean-peer: one peer that misbehaves in one way until SIGINT, for nearmesh-network. It speaks DDS without the
-// channel, which would not let it. Prints "ready" when the publisher can hear it, at the end one JSON line of what it sent.
+// nearmesh-network-mean-peer: one peer that misbehaves in one way until SIGINT, for
+// nearmesh-network. It speaks DDS without the channel, which would not let it. Prints "ready" when
+// the publisher can hear it, at the end one JSON line of what it sent.
 
 #include <sched.h>
 #include <unistd.h>
@@ -39,8 +40,8 @@ void require(const Status& status) {
   if (!status.is_ok()) throw std::runtime_error(status.message());
 }
 
-/// It stands for another machine: what it computes itself shall cost the others nothing. Where they run in real time, so does
-/// it, below them, or a busy machine would make it harmless.
+/// It stands for another machine: what it computes itself shall cost the others nothing. Where they
+/// run in real time, so does it, below them, or a busy machine would make it harmless.
 void yield_to_the_others() {
   const sched_param lowest{.sched_priority = 1};
   if (::sched_getscheduler(0) == SCHED_OTHER) {
@@ -56,7 +57,8 @@ struct Options {
   double rate_hz = 0;  ///< messages a second, where the kind has no pace of its own
 };
 
-/// The endpoints of a peer, and more: it also hears what others ask, and can publish what is not its to publish.
+/// The endpoints of a peer, and more: it also hears what others ask, and can publish what is not
+/// its to publish.
 class MeanPeer {
  public:
   explicit MeanPeer(const Options& options) : options_(options) {
@@ -157,7 +159,8 @@ class MeanPeer {
     send(credit);
   }
 
-  /// The whole model again and again, each time as soon as the last has come; at most so many bytes a second are taken (0: all).
+  /// The whole model again and again, each time as soon as the last has come; at most so many bytes
+  /// a second are taken (0: all).
   void ask_for_everything(double bytes_per_s) {
     const Stopwatch clock;
     send(request());
@@ -196,7 +199,8 @@ class MeanPeer {
     send(message);
   }
 
-  /// An aircraft at some place over the terrain, flying somewhere, of a peer that holds nothing yet.
+  /// An aircraft at some place over the terrain, flying somewhere, of a peer that holds nothing
+  /// yet.
   [[nodiscard]] wire::RegionSubscription certificate() {
     wire::RegionSubscription message = request();
     message.content_hash = {};
@@ -228,7 +232,8 @@ class MeanPeer {
     send(message);
   }
 
-  /// Asks and acknowledges as peers that it hears, and announces and sends as the publisher that it hears.
+  /// Asks and acknowledges as peers that it hears, and announces and sends as the publisher that it
+  /// hears.
   void pose_as_others() {
     static_cast<void>(others_.drain(100, [&](wire::RegionSubscription&& heard, const wire::Handle&,
                                              wire::Microseconds) {

@@ -28,20 +28,23 @@ struct MeasureOptions {
   std::vector<double> round_trips_s{0, 0.05};
 };
 
-/// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
-/// headers being there, and bytes of the peer's interface meanwhile; beside what the chart's clock says at no delay.
+/// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to
+/// the first certified answer, headers being there, and bytes of the peer's interface meanwhile;
+/// beside what the chart's clock says at no delay.
 void measure_poses(const MeasureOptions& options);
-/// For each of the chart's scenes, rate and round trip: peers that join where the bodies are in contact already. Seconds from the
-/// match to the first certified answer; of a scene that moves, how many of the first 100 frames at 100 Hz are certified.
+/// For each of the chart's scenes, rate and round trip: peers that join where the bodies are in
+/// contact already. Seconds from the match to the first certified answer; of a scene that moves,
+/// how many of the first 100 frames at 100 Hz are certified.
 void measure_cold_starts(const MeasureOptions& options);
-/// Peers of one publisher, as programs of their own and as light peers: what they need and what the publisher spends.
+/// Peers of one publisher, as programs of their own and as light peers: what they need and what the
+/// publisher spends.
 void measure_peers(const MeasureOptions& options, const Exercise& exercise);
 
-/// Healthy peers fly on while one bad peer after the other comes and goes: faults.csv, times to certified answers with and without
-/// each, side by side.
+/// Healthy peers fly on while one bad peer after the other comes and goes: faults.csv, times to
+/// certified answers with and without each, side by side.
 void measure_faults(const MeasureOptions& options, Exercise exercise);
-/// The publisher killed and started again, and one of two that serve the same killed: restarts.csv, and restarts-flight.csv of a
-/// flight meanwhile whose answers are checked.
+/// The publisher killed and started again, and one of two that serve the same killed: restarts.csv,
+/// and restarts-flight.csv of a flight meanwhile whose answers are checked.
 void measure_restarts(const MeasureOptions& options, const Exercise& exercise);
 
 }  // namespace nearmesh::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What befalls machines and networks while programs fly: none ends by a signal, no answer is wrong, what is printed as JSON is JSON.
+// What befalls machines and networks while programs fly: none ends by a signal, no answer is wrong,
+// what is printed as JSON is JSON.
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -95,8 +96,8 @@ TEST_F(Mishaps, OneOfTwoInterfacesGoesDownAndComesBack) {
   land();
 }
 
-/// A program that stood still for longer than others wait joins anew, which takes them. It says so, again and again, until there are
-/// some.
+/// A program that stood still for longer than others wait joins anew, which takes them. It says so,
+/// again and again, until there are some.
 TEST_F(Mishaps, DescriptorsThatAreLackedToJoinAgainAreWaitedFor) {
   serve_over({{}, {}});
   take_off();

@@ -16,7 +16,8 @@ namespace {
 
 class Network : public ServedFixture {};
 
-/// Rates and pauses are those of the machine too: where it was held up they are measured again. What is flooded or wrong is so each time.
+/// Rates and pauses are those of the machine too: where it was held up they are measured again.
+/// What is flooded or wrong is so each time.
 constexpr int kTries = 5;
 
 double mbit_per_s(const PipeResult& pipe) {

@@ -14,11 +14,13 @@ namespace nearmesh::test {
 
 class ProbePeer {
  public:
-  /// On the host. The exercise's models: a terrain, and an aircraft that is the peer's own. Throws std::runtime_error.
+  /// On the host. The exercise's models: a terrain, and an aircraft that is the peer's own. Throws
+  /// std::runtime_error.
   ProbePeer(const Lan& lan, std::size_t host, const Exercise& exercise);
 
-  /// Goes to the number-th of many places on the terrain, far from the others, where it touches the ground: no such answer
-  /// is certified without detail that came since. Waits for one so long. Out: how long it took, or -1.
+  /// Goes to the number-th of many places on the terrain, far from the others, where it touches the
+  /// ground: no such answer is certified without detail that came since. Waits for one so long.
+  /// Out: how long it took, or -1.
   double certify_at(std::uint32_t number, double seconds);
   /// Certified answers that the full meshes contradict.
   [[nodiscard]] std::uint64_t wrong() const { return wrong_; }

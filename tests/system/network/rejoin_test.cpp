@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Programs that were stopped for longer than their lease, as a machine that was suspended, and resumed before their network is
-// there again.
+// Programs that were stopped for longer than their lease, as a machine that was suspended, and
+// resumed before their network is there again.
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,8 @@ namespace {
 constexpr double kStopped_s = 3.5;  // more than the lease of three seconds
 constexpr double kAway_s = 3;       // of the network, after the program goes on
 
-/// The interface that programs are told to use: none, which is all there are, or the one that loses its address.
+/// The interface that programs are told to use: none, which is all there are, or the one that loses
+/// its address.
 class Rejoin : public ServedFixture, public ::testing::WithParamInterface<std::string> {
  protected:
   void serve_two() { serve_over({{}, {}}, GetParam()); }
@@ -100,8 +101,8 @@ TEST_F(Announced, WithoutANetworkIsHeardOnceThatIsThere) {
   })) << ::testing::PrintToString(said);
 }
 
-/// The demo's flight from where it comes down into the ground until it leaves it, a few metres a row: nothing down there is
-/// certified without the detail of each place.
+/// The demo's flight from where it comes down into the ground until it leaves it, a few metres a
+/// row: nothing down there is certified without the detail of each place.
 void write_low_flight(const Folder& folder, const Exercise& exercise) {
   constexpr std::ptrdiff_t kRows = 800, kFrom = 640, kTo = 752;
   write_flights(folder, exercise, kRows, 20);

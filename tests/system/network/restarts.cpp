@@ -15,7 +15,8 @@ constexpr double kSettle_s = 4;              // more than a lease
 constexpr double kResume_s = 20;
 constexpr double kFlight_hz = 20;
 
-/// A flight of a nearmesh-subscriber meanwhile, on a host of its own, whose every answer is held against the full mesh.
+/// A flight of a nearmesh-subscriber meanwhile, on a host of its own, whose every answer is held
+/// against the full mesh.
 class CheckedFlight {
  public:
   CheckedFlight(const Lan& lan, std::size_t host, const Exercise& exercise, double seconds)
@@ -95,7 +96,8 @@ class Restarts {
                  away_s, hello_s, median, worst);
   }
 
-  /// Killed, away, and started again: how long after its start the frames are answered that waited for it.
+  /// Killed, away, and started again: how long after its start the frames are answered that waited
+  /// for it.
   void restart(double away_s, int round) {
     airspace_.publisher->signal(SIGKILL);
     static_cast<void>(airspace_.publisher->wait());
@@ -117,7 +119,8 @@ class Restarts {
           hello_s);
   }
 
-  /// Two serve the same; each of them dies once. How long the frames wait that were open then or began in the next seconds.
+  /// Two serve the same; each of them dies once. How long the frames wait that were open then or
+  /// began in the next seconds.
   void lose_twin(int round) {
     auto twin = serve(airspace_.lan, airspace_.folder, exercise_);
     pause(kSettle_s);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The real programs on a Lan, and peers inside this process that only move bytes: what the network tests and
-// nearmesh-network share. Host 0 is the publisher's, host i the i-th peer's. Seconds and bytes.
+// The real programs on a Lan, and peers inside this process that only move bytes: what the network
+// tests and nearmesh-network share. Host 0 is the publisher's, host i the i-th peer's. Seconds and
+// bytes.
 
 #include <cstdio>
 #include <map>
@@ -40,7 +41,8 @@ struct Spent {
 };
 [[nodiscard]] Spent spent_by(const Process& process);
 
-/// flight1.csv and flight2.csv of the demo over the exercise's terrain, into the folder. Throws std::runtime_error.
+/// flight1.csv and flight2.csv of the demo over the exercise's terrain, into the folder. Throws
+/// std::runtime_error.
 void write_flights(const Folder& folder, const Exercise& exercise, int frames, double rate_hz);
 
 struct FlightOptions {
@@ -56,23 +58,26 @@ struct FlightResult {
   std::uint64_t batch_bytes = 0, batches = 0, header_bytes = 0, requests = 0;
   Lan::Counters wire;  ///< of the peer's interface: from before its start to its end
 };
-/// A nearmesh-subscriber on a host that flies aircraft1 along the folder's flight1.csv, so many rows a second. Its answers go to
-/// answers.jsonl in the folder.
+/// A nearmesh-subscriber on a host that flies aircraft1 along the folder's flight1.csv, so many
+/// rows a second. Its answers go to answers.jsonl in the folder.
 [[nodiscard]] std::unique_ptr<Process> start_flight(const Lan& lan, std::size_t host,
                                                     const Folder& folder, const Exercise& exercise,
                                                     double rate_hz);
-/// The answers in answers.jsonl, of a flight that ended, against the full meshes. Throws std::runtime_error when they were not all
-/// checked.
+/// The answers in answers.jsonl, of a flight that ended, against the full meshes. Throws
+/// std::runtime_error when they were not all checked.
 [[nodiscard]] std::uint64_t count_wrong_answers(const Folder& folder, const Exercise& exercise,
                                                 std::uint64_t answers);
-/// One aircraft of the demo over the terrain, flown by nearmesh-subscriber on a host; every answer is checked.
+/// One aircraft of the demo over the terrain, flown by nearmesh-subscriber on a host; every answer
+/// is checked.
 [[nodiscard]] FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder,
                                const Exercise& exercise, const FlightOptions& options);
 
-/// A peer that asks for splits from the roots of its models again and again and throws them away: a full pipe.
+/// A peer that asks for splits from the roots of its models again and again and throws them away: a
+/// full pipe.
 class BulkPeer {
  public:
-  /// On the host; waits until the headers of all models are there. Throws std::runtime_error when they do not come.
+  /// On the host; waits until the headers of all models are there. Throws std::runtime_error when
+  /// they do not come.
   BulkPeer(const Lan& lan, std::size_t host, const Exercise& exercise);
 
   /// Asks for so many splits anywhere in a model. Out: the request's number.
@@ -104,8 +109,8 @@ struct PipeResult {
   std::uint64_t publisher_sent_bytes = 0;  ///< what the publisher put on its own, lost or not
   std::vector<double> overtakes_s;  ///< ascending: from a small request, needed now, to its answer
 };
-/// Keeps the pipe to a host full of detail for later (of one model), for so long, and asks for a little that is needed now
-/// (of another) each second.
+/// Keeps the pipe to a host full of detail for later (of one model), for so long, and asks for a
+/// little that is needed now (of another) each second.
 [[nodiscard]] PipeResult fill_pipe(const Lan& lan, std::size_t host, const Exercise& exercise,
                                    double seconds);
 

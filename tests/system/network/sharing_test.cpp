@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several publishers of one content, in processes of their own, and peers that ask them: who asks whom, and how soon another one
-// answers when one is killed.
+// Several publishers of one content, in processes of their own, and peers that ask them: who asks
+// whom, and how soon another one answers when one is killed.
 
 #include <gtest/gtest.h>
 
@@ -68,7 +68,8 @@ class Wanderer {
     place_ = 37 * id;
   }
 
-  /// One frame: at the place where it waits for an answer, or else at the next. `waits_s` takes the time of one that had to wait.
+  /// One frame: at the place where it waits for an answer, or else at the next. `waits_s` takes the
+  /// time of one that had to wait.
   void update(double now_s, std::vector<double>& waits_s) {
     std::vector<subscriber::Session::OwnMotion> motions;
     if (is_certified_) {
@@ -137,7 +138,8 @@ class SharingTest : public NetworkFixture {
     processes[publisher]->signal(SIGKILL);
     static_cast<void>(processes[publisher]->wait());
   }
-  /// Flies for so long after a kill. Out: the longest wait of any peer, without the longest time in which this program was held up.
+  /// Flies for so long after a kill. Out: the longest wait of any peer, without the longest time in
+  /// which this program was held up.
   double fly_after_kill(double seconds) {
     const double killed_s = clock.seconds();
     std::vector<double> waits_s;
@@ -242,8 +244,8 @@ TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
   expect_shares("a new one beside them");
 }
 
-/// Numbers that do not change from run to run, by which the hash gives each publisher the same: whoever asks another one is noticed.
-/// One that comes or goes moves its own peers alone.
+/// Numbers that do not change from run to run, by which the hash gives each publisher the same:
+/// whoever asks another one is noticed. One that comes or goes moves its own peers alone.
 TEST_F(SharingTest, AFourthTakesItsShareWhileAllLiveAndGivesItBackWhenKilled) {
   const std::vector<wire::SessionId> three{101, 102, 106};
   static constexpr wire::SessionId kFourth = 109;

@@ -56,7 +56,8 @@ class Life {
   /// Of one that is over: what was not as planned; empty when all was.
   [[nodiscard]] std::string fault() const;
   [[nodiscard]] std::string said() const { return process_->err(); }
-  /// Of one that is over: whole lines only, since who is killed may have written half of one. Empty when there is none.
+  /// Of one that is over: whole lines only, since who is killed may have written half of one. Empty
+  /// when there is none.
   [[nodiscard]] std::string answers() const;
 
  private:
@@ -67,13 +68,14 @@ class Life {
   bool signalled_ = false;
 };
 
-/// Checks answers against the full meshes with nearmesh-model, some lives at a time, beside the run.
+/// Checks answers against the full meshes with nearmesh-model, some lives at a time, beside the
+/// run.
 class AnswerCheck {
  public:
   explicit AnswerCheck(const Exercise& exercise) : exercise_(exercise) {}
   void take(const std::string& lines);
-  /// Takes the verdict of a check that ended, and starts one of what waits: of all, or when that is enough to be worth it.
-  /// Throws std::runtime_error when a check gave no verdict.
+  /// Takes the verdict of a check that ended, and starts one of what waits: of all, or when that is
+  /// enough to be worth it. Throws std::runtime_error when a check gave no verdict.
   void step(bool all = false);
   void finish();
 

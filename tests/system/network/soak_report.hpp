@@ -35,7 +35,8 @@ struct Growth {
 };
 [[nodiscard]] std::vector<Growth> growth_of(const std::vector<SoakSample>& samples);
 
-/// soak.csv, soak-memory.csv and soak-totals.csv. `end`: when all have gone. Throws std::runtime_error.
+/// soak.csv, soak-memory.csv and soak-totals.csv. `end`: when all have gone. Throws
+/// std::runtime_error.
 void write_soak(const SoakOptions& options, const std::vector<SoakSample>& samples,
                 const SoakSample& end, std::vector<double> joins_s, const Warnings& warnings);
 

@@ -29,7 +29,8 @@ using nlohmann::json;
 
 constexpr double kFrames_per_s = 20;
 constexpr double kCapture_s = 3;
-/// A door binds a participant to its sockets some seconds after it was first heard: the storm begins on a bus that is at work.
+/// A door binds a participant to its sockets some seconds after it was first heard: the storm
+/// begins on a bus that is at work.
 constexpr double kSettle_s = 12;
 constexpr double kRecover_s = 2;  ///< after the storm
 constexpr double kLook_s = 2;
@@ -525,7 +526,8 @@ class Victims {
           },
           deaf_s_, 0.1));
       if (now.certified == 0) result.deaf.push_back(name + ": no certified answer");
-      // Its own aircraft moves each frame; half the frames at least shall have the other's new pose too.
+      // Its own aircraft moves each frame; half the frames at least shall have the other's new pose
+      // too.
       if (now.other_poses.size() < 2) result.deaf.push_back(name + ": no poses of the other");
     }
     look_at_statuses(result);
@@ -554,7 +556,8 @@ class Victims {
   }
 
  private:
-  /// Of the publisher: whether requests still reach it. Of the simulator: whether detail does, since it is certified.
+  /// Of the publisher: whether requests still reach it. Of the simulator: whether detail does,
+  /// since it is certified.
   void look_at_statuses(StormResult& result) {
     looked_ns_ = wall_ns();
     const std::string name = "status";

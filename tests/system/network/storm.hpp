@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Hostile packets against a whole exercise: a publisher, two peers that fly at each other, a recorder and the example simulator,
-// on one host. Half of the packets are captured traffic with changes, half are built from the grammar of RTPS.
+// Hostile packets against a whole exercise: a publisher, two peers that fly at each other, a
+// recorder and the example simulator, on one host. Half of the packets are captured traffic with
+// changes, half are built from the grammar of RTPS.
 
 #include <cstdint>
 #include <memory>

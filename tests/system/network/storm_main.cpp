@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-storm: hostile packets at length against the real programs, in a network namespace. Needs root.
+// nearmesh-storm: hostile packets at length against the real programs, in a network namespace.
+// Needs root.
 //   nearmesh-storm --packets 1000000 --rate 4000 [--secured] [--seed 1]
 // Exit code 0: all programs went on, and heard each other, and ended in time.
 
@@ -12,8 +13,8 @@
 
 namespace {
 
-/// So long at most a program takes to end, and a peer is without a certified answer. Of a machine that does nothing else: its load
-/// is printed beside.
+/// So long at most a program takes to end, and a peer is without a certified answer. Of a machine
+/// that does nothing else: its load is printed beside.
 constexpr double kPromised_s = 2;
 
 void print(const char* what, const std::vector<std::string>& names) {

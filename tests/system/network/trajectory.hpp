@@ -11,7 +11,8 @@
 
 namespace nearmesh::test {
 
-/// One motion a row; velocities are those to the next row at `rate_hz` rows a second. Throws std::runtime_error.
+/// One motion a row; velocities are those to the next row at `rate_hz` rows a second. Throws
+/// std::runtime_error.
 inline std::vector<Motion> read_trajectory(const std::string& path, double rate_hz) {
   const Result<CsvTable> read = CsvTable::read(path);
   if (!read.is_ok()) throw std::runtime_error(read.status().message());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `export` makes of a whole recording: read back by our own programs, and by readers of others.
+// What `export` makes of a whole recording: read back by our own programs, and by readers of
+// others.
 #include <algorithm>
 #include <cmath>
 #include <cstring>

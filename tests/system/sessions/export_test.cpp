@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `export` writes: read back by readers that know nothing of ours, and held against the recording and the full meshes.
+// What `export` writes: read back by readers that know nothing of ours, and held against the
+// recording and the full meshes.
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
@@ -175,7 +176,8 @@ TEST_F(Export, PlyIsReadByOthers) {
   }
 }
 
-// Around each segment, whatever its direction and however short: closed, outward, and a little thicker than nothing.
+// Around each segment, whatever its direction and however short: closed, outward, and a little
+// thicker than nothing.
 TEST_F(Export, SegmentsAreSeenAsSlenderSolids) {
   ContactSegment point, up;
   point.p_m = point.q_m = {1, 2, 3};
@@ -337,7 +339,8 @@ TEST_F(Export, GlbIsReadByOthers) {
   EXPECT_NEAR(hi.z, -least[1], 0.01);
 }
 
-// Built again, both show the same world, in metres and z up, without any flag: glTF demands a turn, and import undoes it.
+// Built again, both show the same world, in metres and z up, without any flag: glTF demands a turn,
+// and import undoes it.
 TEST_F(Export, IsImportedAsItWasWhateverTheFormat) {
   exported("out.ply");
   exported("out.glb");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The golden session, and what is expected of it. Both are made by make_golden.py, anew with each wire version.
+// The golden session, and what is expected of it. Both are made by make_golden.py, anew with each
+// wire version.
 
 #include <cstdlib>
 

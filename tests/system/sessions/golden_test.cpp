@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording that was made once is read, proved, analysed and asked as the documents say; one of another version is refused.
+// A recording that was made once is read, proved, analysed and asked as the documents say; one of
+// another version is refused.
 #include <sqlite3.h>
 
 #include <memory>
@@ -48,7 +49,7 @@ TEST(GoldenSession, HasWhatIsWorthKeeping) {
   EXPECT_LT(std::filesystem::file_size(test::golden_file("session_v1.db3")), 300'000U);
 }
 
-// ---- another wire version ------------------------------------------------------------------------
+// ---- another wire version -----------------------------------------------------------------------
 
 TEST(OtherVersion, IsRefusedByAllThatReadsASession) {
   const Folder folder;

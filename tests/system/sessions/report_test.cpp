@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page that `report` writes: complete, self-contained, and shown by a browser without a complaint.
+// The page that `report` writes: complete, self-contained, and shown by a browser without a
+// complaint.
 #include "golden.hpp"
 #include "subscriber/report/html_parts.hpp"
 #include "subscriber/report/player_page.hpp"
@@ -42,7 +43,8 @@ TEST_F(Report, HasEverySectionAndNeedsNothingElse) {
   for (const char* section : kSections)
     EXPECT_EQ(count(html, std::string("<section id=\"") + section + "\""), 1U) << section;
   EXPECT_TRUE(html == page()) << "the same session, the same page";
-  // No address of anything outside; data:, keeps the browser from asking for an icon. three.js names its home and XML's.
+  // No address of anything outside; data:, keeps the browser from asking for an icon. three.js
+  // names its home and XML's.
   std::string ours = html;
   const std::string_view three = subscriber::report::player_files().three;
   for (const std::string_view other : {three, subscriber::report::player_files().three_licence})
@@ -76,7 +78,8 @@ TEST_F(Report, SaysWhatIsWrong) {
   EXPECT_FALSE(std::filesystem::exists(folder_.file("out")));
 }
 
-// Counts, colours at known places, playing, jumping, and no complaint on the console: look_at_page.py.
+// Counts, colours at known places, playing, jumping, and no complaint on the console:
+// look_at_page.py.
 TEST_F(Report, BrowserUsesIt) {
   if (subscriber::report::player_files().three.empty())
     GTEST_SKIP() << "built without three.js (Debian package libjs-three)";

@@ -1,25 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh for C, and for every language that calls C: libnearmesh.so.0, target nearmesh::c, pkg-config nearmesh.
-// A guide with a complete program: docs/embed.md, "From C". What the words mean: the C++ headers that docs/api.md lists.
+// nearmesh for C, and for every language that calls C: libnearmesh.so.0, target nearmesh::c,
+// pkg-config nearmesh. A guide with a complete program: docs/embed.md, "From C". What the words
+// mean: the C++ headers that docs/api.md lists.
 //
 // Rules that hold for all of it
-// * Errors. A function that can fail gives a nearmesh_status and takes, last, a nearmesh_error* for the text; NULL where the text
-//   is not wanted. After a failure nothing was changed unless the function says otherwise, and what it was to give is NULL or 0.
-//   Nothing is thrown, nothing is printed. NULL for a handle, or a handle of another kind, is NEARMESH_INVALID_ARGUMENT.
-// * Memory. Nothing that you allocate is freed here, and nothing of ours by you. What you pass is copied, or used until the call
-//   returns. What is given to you as a pointer belongs to the handle that it came from; each function says until when.
-// * Threads. One thread at a time uses a handle; two at once are NEARMESH_CONFLICT where that is noticed. Handles share nothing but
-//   what a function says. Functions without a handle: any thread.
-// * Structs grow at their end only, and what is in them keeps its meaning, as long as the library is libnearmesh.so.0.
-//   - Options that you fill begin with `size`. Make them with their init function, then set what you want otherwise. Programs
-//     that were compiled with a shorter struct keep working: what they do not know has its default. A newer program on an older
-//     library works too, as long as it leaves alone what that library does not know; else NEARMESH_UNSUPPORTED.
-//   - Results that you read are given as pointers, of lists one by one. Never copy such a struct by assignment, or rely on its
-//     size.
-//   - These never change: nearmesh_error, nearmesh_pose, nearmesh_motion, nearmesh_face, nearmesh_face_pair,
-//     nearmesh_contact_segment, probes with their answers (nearmesh_ray and so on), and nearmesh_world_tile. They may stand in arrays.
+// * Errors. A function that can fail gives a nearmesh_status and takes, last, a nearmesh_error* for
+//   the text; NULL where the text is not wanted. After a failure nothing was changed unless the
+//   function says otherwise, and what it was to give is NULL or 0. Nothing is thrown, nothing is
+//   printed. NULL for a handle, or a handle of another kind, is NEARMESH_INVALID_ARGUMENT.
+// * Memory. Nothing that you allocate is freed here, and nothing of ours by you. What you pass is
+//   copied, or used until the call returns. What is given to you as a pointer belongs to the handle
+//   that it came from; each function says until when.
+// * Threads. One thread at a time uses a handle; two at once are NEARMESH_CONFLICT where that is
+//   noticed. Handles share nothing but what a function says. Functions without a handle: any
+//   thread.
+// * Structs grow at their end only, and what is in them keeps its meaning, as long as the library
+//   is libnearmesh.so.0.
+//   - Options that you fill begin with `size`. Make them with their init function, then set what
+//     you want otherwise. Programs that were compiled with a shorter struct keep working: what they
+//     do not know has its default. A newer program on an older library works too, as long as it
+//     leaves alone what that library does not know; else NEARMESH_UNSUPPORTED.
+//   - Results that you read are given as pointers, of lists one by one. Never copy such a struct by
+//     assignment, or rely on its size.
+//   - These never change: nearmesh_error, nearmesh_pose, nearmesh_motion, nearmesh_face,
+//     nearmesh_face_pair, nearmesh_contact_segment, probes with their answers (nearmesh_ray and so
+//     on), and nearmesh_world_tile. They may stand in arrays.
 // * Text is UTF-8 that ends with 0. An int32_t that answers a question is 0 for no; else yes.
-// * Frames. Right-handed, metres, seconds, radians; x_world = rotation x_model + translation, rotation row by row.
+// * Frames. Right-handed, metres, seconds, radians; x_world = rotation x_model + translation,
+//   rotation row by row.
 #ifndef NEARMESH_H
 #define NEARMESH_H
 
@@ -38,7 +46,7 @@ extern "C" {
 #define NEARMESH_NOTHROW
 #endif
 
-// ---- Status --------------------------------------------------------------------------------------------------------
+// ---- Status -------------------------------------------------------------------------------------
 
 typedef int32_t nearmesh_status;
 enum {
@@ -54,7 +62,8 @@ enum {
 };
 
 #define NEARMESH_MESSAGE_BYTES 1020
-/// What went wrong, for people: the thing, the place, what was expected and found. Yours; any number of calls may share one.
+/// What went wrong, for people: the thing, the place, what was expected and found. Yours; any
+/// number of calls may share one.
 typedef struct nearmesh_error {
   nearmesh_status status;                ///< as returned
   char message[NEARMESH_MESSAGE_BYTES];  ///< cut where it is longer; empty for NEARMESH_OK
@@ -70,7 +79,7 @@ NEARMESH_API const char* nearmesh_version(void) NEARMESH_NOTHROW;
 /// Whether the library was built with DDS.
 NEARMESH_API int32_t nearmesh_has_dds(void) NEARMESH_NOTHROW;
 
-// ---- Where bodies are ----------------------------------------------------------------------------------------------
+// ---- Where bodies are ---------------------------------------------------------------------------
 
 /// A rigid placement. The rotation must be one to within 1e-5, the translation within 1e9 m.
 typedef struct nearmesh_pose {
@@ -87,7 +96,7 @@ typedef struct nearmesh_motion {
 } nearmesh_motion;
 #define NEARMESH_MOTION_IDENTITY {NEARMESH_POSE_IDENTITY, {0, 0, 0}, {0, 0, 0}}
 
-// ---- Models --------------------------------------------------------------------------------------------------------
+// ---- Models -------------------------------------------------------------------------------------
 
 typedef struct nearmesh_bake_options {
   size_t size;            ///< set by nearmesh_bake_options_init()
@@ -101,23 +110,25 @@ typedef struct nearmesh_bake_options {
 NEARMESH_API nearmesh_status nearmesh_bake_options_init(nearmesh_bake_options* options,
                                                         size_t size) NEARMESH_NOTHROW;
 
-/// Makes a model of a mesh, and writes it to a .spm file, which appears under its name only when it is whole.
-/// In: `positions_m`: 3 numbers a vertex; `faces`: 3 places of vertices a face, counter-clockwise from outside. `options`: NULL for
-/// the defaults.
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the vertex or the face; NEARMESH_UNSUPPORTED (hundreds of faces at one edge, a mesh too
-/// large); NEARMESH_IO; NEARMESH_CONFLICT where something is there that is no model.
-/// Cost: some seconds a million faces, 250 bytes a vertex. Threads: any.
+/// Makes a model of a mesh, and writes it to a .spm file, which appears under its name only when it
+/// is whole. In: `positions_m`: 3 numbers a vertex; `faces`: 3 places of vertices a face,
+/// counter-clockwise from outside. `options`: NULL for the defaults.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the vertex or the face; NEARMESH_UNSUPPORTED (hundreds
+/// of faces at one edge, a mesh too large); NEARMESH_IO; NEARMESH_CONFLICT where something is there
+/// that is no model. Cost: some seconds a million faces, 250 bytes a vertex. Threads: any.
 NEARMESH_API nearmesh_status nearmesh_bake(const double* positions_m, size_t vertex_count,
                                            const uint32_t* faces, size_t face_count,
                                            const char* path, const nearmesh_bake_options* options,
                                            nearmesh_error* error) NEARMESH_NOTHROW;
 
-/// An open .spm file. Queries that were made of it, and it, are used by one thread at a time; open the file once for each thread.
+/// An open .spm file. Queries that were made of it, and it, are used by one thread at a time; open
+/// the file once for each thread.
 typedef struct nearmesh_model nearmesh_model;
 
 /// What the header says.
 typedef struct nearmesh_model_facts {
-  const char* content;  ///< names the whole content, 32 hexadecimal digits; equal names, equal models
+  /// Names the whole content, 32 hexadecimal digits; equal names, equal models.
+  const char* content;
   uint32_t vertex_count;
   uint32_t face_count;
   uint32_t component_count;    ///< connected parts
@@ -126,10 +137,12 @@ typedef struct nearmesh_model_facts {
   int32_t is_closed;           ///< it has an inside: may be solid
   double cell_m;               ///< of the grid on which its vertices lie
   double grid_origin_m[3];
-  int32_t grid_bits;           ///< vertices lie within 2^grid_bits cells of the origin, on each axis
+  /// Vertices lie within 2^grid_bits cells of the origin, on each axis.
+  int32_t grid_bits;
   int32_t reserved;
   double rounding_error_m;     ///< how far a vertex was moved onto the grid at most
-  uint64_t mesh_bytes;         ///< what a whole replica would be sent; 0 where only the header is here
+  /// What a whole replica would be sent; 0 where only the header is here.
+  uint64_t mesh_bytes;
   uint64_t file_bytes;         ///< 0 where only the header is here
 } nearmesh_model_facts;
 
@@ -141,14 +154,15 @@ NEARMESH_API void nearmesh_model_close(nearmesh_model* model) NEARMESH_NOTHROW;
 /// Valid until the model is closed. NULL for no model.
 NEARMESH_API const nearmesh_model_facts* nearmesh_model_get_facts(const nearmesh_model* model)
     NEARMESH_NOTHROW;
-/// Checks every digest of the file; with `deep` also all that certified answers rest on, at the cost of decoding everything.
-/// Errors: NEARMESH_CORRUPT naming the place, NEARMESH_IO.
+/// Checks every digest of the file; with `deep` also all that certified answers rest on, at the
+/// cost of decoding everything. Errors: NEARMESH_CORRUPT naming the place, NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_check(nearmesh_model* model, int32_t deep,
                                                   nearmesh_error* error) NEARMESH_NOTHROW;
 
 /// No split: a face of the coarsest mesh. No body.
 #define NEARMESH_NONE 0xffffffffU
-/// Names a face of a full mesh, the same on all peers: the split that it comes with, and its place there.
+/// Names a face of a full mesh, the same on all peers: the split that it comes with, and its place
+/// there.
 typedef struct nearmesh_face {
   uint32_t split;
   uint32_t index;
@@ -157,13 +171,14 @@ typedef struct nearmesh_face_pair {
   nearmesh_face a, b;
 } nearmesh_face_pair;
 
-/// Which face of the mesh that was baked a face is, counted from 0. The first call decodes the whole file.
-/// Errors: NEARMESH_NOT_FOUND where the model has no such face; NEARMESH_CORRUPT, NEARMESH_IO.
+/// Which face of the mesh that was baked a face is, counted from 0. The first call decodes the
+/// whole file. Errors: NEARMESH_NOT_FOUND where the model has no such face; NEARMESH_CORRUPT,
+/// NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_face_number(nearmesh_model* model, nearmesh_face face,
                                                         uint32_t* number, nearmesh_error* error)
     NEARMESH_NOTHROW;
 
-// ---- Answers -------------------------------------------------------------------------------------------------------
+// ---- Answers ------------------------------------------------------------------------------------
 
 /// nearmesh_answer.status, nearmesh_swept.status
 enum {
@@ -171,7 +186,8 @@ enum {
   NEARMESH_CONTACT = 1,    ///< certified: `pairs` touch, and no others
   NEARMESH_PARTIAL = 2,    ///< `pairs` touch, there may be more
   NEARMESH_UNCERTAIN = 3,  ///< nothing can be said yet
-  NEARMESH_CONTAINED = 4   ///< certified: nothing touches, but one is inside the other, which is solid
+  /// Certified: nothing touches, but one is inside the other, which is solid.
+  NEARMESH_CONTAINED = 4
 };
 /// "free", "contact", "partial", "uncertain", "contained"; "unknown" for any other number. Static.
 NEARMESH_API const char* nearmesh_answer_status_name(int32_t status) NEARMESH_NOTHROW;
@@ -230,12 +246,14 @@ typedef struct nearmesh_contacts {
 NEARMESH_API const nearmesh_contact_patch* nearmesh_contacts_patch(
     const nearmesh_contacts* contacts, size_t index) NEARMESH_NOTHROW;
 
-/// How deep two bodies are in each other along a direction: how far B has to be moved until it is free of A. Both bounds are proofs.
+/// How deep two bodies are in each other along a direction: how far B has to be moved until it is
+/// free of A. Both bounds are proofs.
 typedef struct nearmesh_depth {
   double direction[3];     ///< unit vector, world: the way B is moved
   double at_least_m;       ///< moved less along it B touches A all the way; 0: nothing is proved
   double at_most_m;        ///< moved so far it is free; infinite where no free place was found
-  double separation_m[3];  ///< add it to the translation of B's pose: then they are certified free, where at_most_m is finite
+  /// Add it to the translation of B's pose: then they are certified free, where at_most_m is finite
+  double separation_m[3];
   uint64_t missing_a, missing_b;  ///< nodes whose detail would narrow the bracket
   int32_t exhausted;       ///< the search was ended by its length
   int32_t reserved;
@@ -249,41 +267,52 @@ typedef struct nearmesh_answer {
   size_t pair_count;
   const nearmesh_face_pair* pairs;  ///< exact, ascending
   uint64_t pair_total;              ///< how many touch
-  /// Free or contained: a lower bound of the distance of the surfaces, metres; infinite where one has no face. Else 0.
+  /// Free or contained: a lower bound of the distance of the surfaces, metres; infinite where one
+  /// has no face. Else 0.
   double clearance_m;
-  double clearance_share;           ///< the bound is at least this share of what is held allows; 0: no bound
-  /// Not certified: full surfaces are within this of those that are held, where it matters. Infinite: nothing is known.
+  /// The bound is at least this share of what is held allows; 0: no bound.
+  double clearance_share;
+  /// Not certified: full surfaces are within this of those that are held, where it matters.
+  /// Infinite: nothing is known.
   double uncertainty_m;
   uint64_t missing_a, missing_b;    ///< nodes whose detail the answer lacks
   uint64_t digest;                  ///< equal answers, equal digests, on every peer and build
-  const nearmesh_contacts* contacts;  ///< where they were asked for and something touches; else NULL
+  /// Where they were asked for and something touches; else NULL.
+  const nearmesh_contacts* contacts;
   int32_t exhausted;  ///< max_tests were spent: partial or uncertain, with what was found by then
   int32_t reserved;
-  /// The full meshes are at most so far apart, metres; 0 where faces touch, infinite where nothing is known.
+  /// The full meshes are at most so far apart, metres; 0 where faces touch, infinite where nothing
+  /// is known.
   double distance_at_most_m;
-  double nearest_a_m[3], nearest_b_m[3];  ///< where it is positive and finite: points of the full meshes that are; world
-  const nearmesh_depth* depth;            ///< where it was asked for and something touches; else NULL
+  /// Where it is positive and finite: points of the full meshes that are; world.
+  double nearest_a_m[3], nearest_b_m[3];
+  /// Where it was asked for and something touches; else NULL.
+  const nearmesh_depth* depth;
 } nearmesh_answer;
 
-// ---- Queries of two files at hand ----------------------------------------------------------------------------------
+// ---- Queries of two files at hand ---------------------------------------------------------------
 
 typedef struct nearmesh_query_options {
   size_t size;         ///< set by nearmesh_query_options_init()
-  int32_t any;         ///< stop at the first pair that touches: contact then says "touches", not "these are all"
+  /// Stop at the first pair that touches: contact then says "touches", not "these are all".
+  int32_t any;
   int32_t clearance;   ///< NEARMESH_CLEARANCE_BOUND
   uint64_t max_pairs;  ///< list so many at most; UINT64_MAX, the default: all
-  int32_t solid_a, solid_b;  ///< it has an inside, so is the other one in it? Its model must be closed
+  /// It has an inside, so is the other one in it? Its model must be closed.
+  int32_t solid_a, solid_b;
   int32_t contacts;    ///< work out where they touch
   int32_t depth;       ///< and how deep they are in each other; then also `contacts`
   uint64_t max_tests;  ///< end after so many tests, of 2 to 25 ns; UINT64_MAX, the default: do not
-  uint64_t max_depth_tests;  ///< of each depth, of 2 to 5 ns: its bracket is as wide as it is then; 500000
+  /// Of each depth, of 2 to 5 ns: its bracket is as wide as it is then; 500000.
+  uint64_t max_depth_tests;
 } nearmesh_query_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
 NEARMESH_API nearmesh_status nearmesh_query_options_init(nearmesh_query_options* options,
                                                          size_t size) NEARMESH_NOTHROW;
 
-/// Two models that are asked about in one pose after the other. Detail is read as answers need it, and kept for later ones.
+/// Two models that are asked about in one pose after the other. Detail is read as answers need it,
+/// and kept for later ones.
 typedef struct nearmesh_query nearmesh_query;
 
 /// `a` and `b` may be one. They may be closed before the query. `options`: NULL for the defaults.
@@ -294,66 +323,82 @@ NEARMESH_API nearmesh_status nearmesh_query_create(nearmesh_model* a, nearmesh_m
     NEARMESH_NOTHROW;
 /// NULL: nothing.
 NEARMESH_API void nearmesh_query_destroy(nearmesh_query* query) NEARMESH_NOTHROW;
-/// The answer about the full meshes: certified, but where no detail settles it (a solid of too many parts).
-/// Out: `answer`, valid until the next call with this query.
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the body and what is wrong with its pose; NEARMESH_UNSUPPORTED where the two sizes or
-/// places are too far apart; NEARMESH_CORRUPT, NEARMESH_IO of the files. After NEARMESH_OUT_OF_MEMORY both files
-/// must be opened again: every later call with them gives NEARMESH_CONFLICT.
+/// The answer about the full meshes: certified, but where no detail settles it (a solid of too many
+/// parts). Out: `answer`, valid until the next call with this query.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the body and what is wrong with its pose;
+/// NEARMESH_UNSUPPORTED where the two sizes or places are too far apart; NEARMESH_CORRUPT,
+/// NEARMESH_IO of the files. After NEARMESH_OUT_OF_MEMORY both files must be opened again: every
+/// later call with them gives NEARMESH_CONFLICT.
 NEARMESH_API nearmesh_status nearmesh_query_ask(nearmesh_query* query, const nearmesh_pose* pose_a,
                                                 const nearmesh_pose* pose_b,
                                                 const nearmesh_answer** answer,
                                                 nearmesh_error* error) NEARMESH_NOTHROW;
 
-// ---- Sessions ------------------------------------------------------------------------------------------------------
+// ---- Sessions -----------------------------------------------------------------------------------
 
 /// Runs one of a number of jobs; throws nothing.
 typedef void (*nearmesh_job)(void* jobs, size_t index);
-/// Yours: calls job(jobs, 0) to job(jobs, count - 1), each once, in any order and on any threads, and returns when all are done.
-/// It must not call nearmesh for the session that it serves. An index that was left out is run by the session afterwards, one
-/// that comes twice or is too large does nothing; neither job nor jobs may be used once it has returned.
+/// Yours: calls job(jobs, 0) to job(jobs, count - 1), each once, in any order and on any threads,
+/// and returns when all are done. It must not call nearmesh for the session that it serves. An
+/// index that was left out is run by the session afterwards, one that comes twice or is too large
+/// does nothing; neither job nor jobs may be used once it has returned.
 typedef void (*nearmesh_run_jobs)(void* user, size_t count, nearmesh_job job, void* jobs);
 
 typedef struct nearmesh_session_options {
   size_t size;                ///< set by nearmesh_session_options_init()
-  double max_pose_age_s;      ///< answers about older poses of others are uncertain; 0 to infinite; 2
-  double lookahead_s;         ///< detail is asked for where a body may be within this time; 0 to 3600; 0.5
+  /// Answers about older poses of others are uncertain; 0 to infinite; 2.
+  double max_pose_age_s;
+  /// Detail is asked for where a body may be within this time; 0 to 3600; 0.5.
+  double lookahead_s;
   double margin_m;            ///< and this much further; 0 to 1e9; 0
-  double sweep_s;             ///< also answer for all of this time ahead; 0, the default: do not; else 1e-9 to 3600
-  double request_timeout_s;   ///< a request without an answer is repeated after this; 1e-4 to 3600; 0.5
-  double audit_s;             ///< so often, in seconds, a publisher must prove a block of its file; 0, the default: never
+  /// Also answer for all of this time ahead; 0, the default: do not; else 1e-9 to 3600.
+  double sweep_s;
+  /// A request without an answer is repeated after this; 1e-4 to 3600; 0.5.
+  double request_timeout_s;
+  /// So often, in seconds, a publisher must prove a block of its file; 0, the default: never.
+  double audit_s;
   uint64_t audit_seed;        ///< draws which; 0, the default: the system does
   uint32_t window_bytes;      ///< that may be under way to this peer, at least 2000; 65536
-  uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit. What nothing was near for 10 s is given up in any case
-  const char* cache_folder;   ///< where detail is kept from one session to the next; NULL, the default: it is not
-  int32_t clearance;          ///< NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either
+  /// Above this, detail far from every body is given up; 0, the default: no limit. What nothing was
+  /// near for 10 s is given up in any case.
+  uint32_t max_held_splits;
+  /// Where detail is kept from one session to the next; NULL, the default: it is not.
+  const char* cache_folder;
+  /// NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either.
+  int32_t clearance;
   int32_t contacts;           ///< work out where bodies touch; 0
   int32_t publish_reports;    ///< tell the bus each answer; 1
   int32_t any;                ///< as in nearmesh_query_options, of each answer; 0
-  nearmesh_run_jobs run_jobs; ///< answers of pairs, on threads of yours; NULL, the default: in update(), one by one
+  /// Answers of pairs, on threads of yours; NULL, the default: in update(), one by one.
+  nearmesh_run_jobs run_jobs;
   void* run_jobs_user;        ///< given to run_jobs
   uint64_t max_pairs;         ///< list so many of each answer at most; UINT64_MAX, the default: all
   uint64_t max_tests;         ///< of each answer, 10 to 50 ms; 2000000
   uint64_t max_sweep_tests;   ///< of each swept answer, of some 100 ns; 50000
-  int32_t depth;              ///< work out how deep bodies are in each other; then also `contacts`; 0
+  /// Work out how deep bodies are in each other; then also `contacts`; 0.
+  int32_t depth;
   int32_t reserved;           ///< 0
   uint64_t max_depth_tests;   ///< of each depth, of 2 to 5 ns; 500000
-  double promise_s;           ///< what is promised of own bodies (max_speed_mps) holds for so long; 0.1 to 255; 8
+  /// What is promised of own bodies (max_speed_mps) holds for so long; 0.1 to 255; 8.
+  double promise_s;
 } nearmesh_session_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
 NEARMESH_API nearmesh_status nearmesh_session_options_init(nearmesh_session_options* options,
                                                            size_t size) NEARMESH_NOTHROW;
 
-/// How a session joins the bus. Text that is NULL, and numbers that are 0, stand for what `transport` has built in. What each setting
-/// does, and its range: docs/operate.md, "Settings".
+/// How a session joins the bus. Text that is NULL, and numbers that are 0, stand for what
+/// `transport` has built in. What each setting does, and its range: docs/operate.md, "Settings".
 typedef struct nearmesh_dds_options {
   size_t size;             ///< set by nearmesh_dds_options_init()
   const char* transport;   ///< "lan" (NULL too), "thin", "tcp", "udp-only" or "same-host"
-  const char* name;        ///< of this process, for people, 1 to 63 printable bytes; NULL: HOST/PROCESS
+  /// Of this process, for people, 1 to 63 printable bytes; NULL: HOST/PROCESS.
+  const char* name;
   const char* prefix;      ///< of every topic; NULL: "nearmesh"
   const char* network_interface;  ///< one IPv4 address or name of an interface; NULL: all
   const char* security;           ///< folder of this program's identity; NULL: none
-  const char* const* initial_peers;  ///< where else to look for others: IPv4 addresses, of "tcp" also ADDRESS:PORT
+  /// Where else to look for others: IPv4 addresses, of "tcp" also ADDRESS:PORT.
+  const char* const* initial_peers;
   size_t initial_peer_count;
   const char* discovery_server;   ///< "ADDRESS" or "ADDRESS:PORT"; NULL: none
   uint32_t domain;                ///< 0 to 232
@@ -369,17 +414,18 @@ NEARMESH_API nearmesh_status nearmesh_dds_options_init(nearmesh_dds_options* opt
 
 /// A peer: its bodies, the pairs that it watches, what it holds of their models.
 typedef struct nearmesh_session nearmesh_session;
-/// A body of one session: numbers from 0 in the order of nearmesh_session_add_body(), never used again.
+/// A body of one session: numbers from 0 in the order of nearmesh_session_add_body(), never used
+/// again.
 typedef uint32_t nearmesh_body;
 
-/// A session that is fed from .spm files (nearmesh_session_add_model): no network, no DDS, no thread. `options`: NULL for the
-/// defaults. Errors: NEARMESH_INVALID_ARGUMENT naming the option.
+/// A session that is fed from .spm files (nearmesh_session_add_model): no network, no DDS, no
+/// thread. `options`: NULL for the defaults. Errors: NEARMESH_INVALID_ARGUMENT naming the option.
 NEARMESH_API nearmesh_status nearmesh_session_create_local(const nearmesh_session_options* options,
                                                            nearmesh_session** session,
                                                            nearmesh_error* error) NEARMESH_NOTHROW;
-/// A session on a DDS participant of its own. Takes some ten milliseconds. It has a thread, and Fast DDS has others.
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the option; NEARMESH_IO where Fast DDS refuses; NEARMESH_UNSUPPORTED where the library
-/// was built without DDS.
+/// A session on a DDS participant of its own. Takes some ten milliseconds. It has a thread, and
+/// Fast DDS has others. Errors: NEARMESH_INVALID_ARGUMENT naming the option; NEARMESH_IO where Fast
+/// DDS refuses; NEARMESH_UNSUPPORTED where the library was built without DDS.
 NEARMESH_API nearmesh_status nearmesh_session_create_dds(const nearmesh_dds_options* dds,
                                                          const nearmesh_session_options* options,
                                                          nearmesh_session** session,
@@ -387,24 +433,27 @@ NEARMESH_API nearmesh_status nearmesh_session_create_dds(const nearmesh_dds_opti
 /// Leaves the bus, within a second. NULL: nothing.
 NEARMESH_API void nearmesh_session_destroy(nearmesh_session* session) NEARMESH_NOTHROW;
 
-/// Of a local session: serves a model from its file, now or later, under the name that bodies call it by.
-/// Errors: those of nearmesh_model_open; NEARMESH_CONFLICT where the name is taken or the content is served already;
-/// NEARMESH_INVALID_ARGUMENT (name); NEARMESH_UNSUPPORTED of a session with DDS.
+/// Of a local session: serves a model from its file, now or later, under the name that bodies call
+/// it by. Errors: those of nearmesh_model_open; NEARMESH_CONFLICT where the name is taken or the
+/// content is served already; NEARMESH_INVALID_ARGUMENT (name); NEARMESH_UNSUPPORTED of a session
+/// with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_add_model(nearmesh_session* session, const char* name,
                                                         const char* path, nearmesh_error* error)
     NEARMESH_NOTHROW;
-/// Of a local session: serves a world on disk (docs/worlds.md) as a model of that name; a body of it is a world.
-/// Errors: as nearmesh_session_add_model(); NEARMESH_NOT_FOUND, NEARMESH_IO, NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
+/// Of a local session: serves a world on disk (docs/worlds.md) as a model of that name; a body of
+/// it is a world. Errors: as nearmesh_session_add_model(); NEARMESH_NOT_FOUND, NEARMESH_IO,
+/// NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
 NEARMESH_API nearmesh_status nearmesh_session_add_world(nearmesh_session* session, const char* name,
                                                         const char* folder, nearmesh_error* error)
     NEARMESH_NOTHROW;
-/// Of a local session: 0 as when the network goes down, else as when it is back. To test what your program does while answers are
-/// uncertain. Errors: NEARMESH_UNSUPPORTED of a session with DDS.
+/// Of a local session: 0 as when the network goes down, else as when it is back. To test what your
+/// program does while answers are uncertain. Errors: NEARMESH_UNSUPPORTED of a session with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_set_connected(nearmesh_session* session,
                                                             int32_t connected,
                                                             nearmesh_error* error) NEARMESH_NOTHROW;
-/// Of a local session: as if another peer had moved the body of this name, at this time. Nothing while it is not connected.
-/// Errors: NEARMESH_INVALID_ARGUMENT; NEARMESH_UNSUPPORTED of a session with DDS.
+/// Of a local session: as if another peer had moved the body of this name, at this time. Nothing
+/// while it is not connected. Errors: NEARMESH_INVALID_ARGUMENT; NEARMESH_UNSUPPORTED of a session
+/// with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_deliver(nearmesh_session* session,
                                                       const char* body_name,
                                                       const nearmesh_motion* motion, double time_s,
@@ -412,15 +461,21 @@ NEARMESH_API nearmesh_status nearmesh_session_deliver(nearmesh_session* session,
 
 typedef struct nearmesh_body_options {
   size_t size;            ///< set by nearmesh_body_options_init()
-  const char* name;       ///< on the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks at the ends
+  /// On the bus and for people, unique in the session; 1 to 63 bytes of printable ASCII, no blanks
+  /// at the ends.
+  const char* name;
   const char* model;      ///< the publisher's name for it; the same
-  const char* content;    ///< 32 digits: no other content is ever taken; NULL, the default: what publishers agree on
-  double max_pose_age_s;  ///< as in the session's options, for this body; below 0, the default: the session's
+  /// 32 digits: no other content is ever taken; NULL, the default: what publishers agree on.
+  const char* content;
+  /// As in the session's options, for this body; below 0, the default: the session's.
+  double max_pose_age_s;
   int32_t own;            ///< this peer moves it; 0: another does, or it stands in its place
   int32_t solid;          ///< it has an inside; 0
-  uint32_t group, mask;   ///< 1 and all: a pair counts where the mask of each has a bit of the other's group
-  /// Of an own body: its origin never moves faster, m/s, up to 1e6. Then others are promised where it stays, and full poses go to those
-  /// alone that it may come near to. 0, the default: poses go to all.
+  /// 1 and all: a pair counts where the mask of each has a bit of the other's group.
+  uint32_t group, mask;
+  /// Of an own body: its origin never moves faster, m/s, up to 1e6. Then others are promised where
+  /// it stays, and full poses go to those alone that it may come near to. 0, the default: poses go
+  /// to all.
   double max_speed_mps;
 } nearmesh_body_options;
 
@@ -428,48 +483,54 @@ typedef struct nearmesh_body_options {
 NEARMESH_API nearmesh_status nearmesh_body_options_init(nearmesh_body_options* options, size_t size)
     NEARMESH_NOTHROW;
 
-/// At any time. Errors: NEARMESH_INVALID_ARGUMENT (name, content, max_pose_age_s, max_speed_mps); NEARMESH_CONFLICT (name taken, or the content
-/// contradicts another body's).
+/// At any time. Errors: NEARMESH_INVALID_ARGUMENT (name, content, max_pose_age_s, max_speed_mps);
+/// NEARMESH_CONFLICT (name taken, or the content contradicts another body's).
 NEARMESH_API nearmesh_status nearmesh_session_add_body(nearmesh_session* session,
                                                        const nearmesh_body_options* options,
                                                        nearmesh_body* body, nearmesh_error* error)
     NEARMESH_NOTHROW;
-/// Fixes a body in place, for scenery that nobody moves. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (pose; a body with a
-/// max_speed_mps, a link).
+/// Fixes a body in place, for scenery that nobody moves. Errors: NEARMESH_NOT_FOUND,
+/// NEARMESH_INVALID_ARGUMENT (pose; a body with a max_speed_mps, a link).
 NEARMESH_API nearmesh_status nearmesh_session_place_body(nearmesh_session* session,
                                                          nearmesh_body body,
                                                          const nearmesh_pose* pose,
                                                          nearmesh_error* error) NEARMESH_NOTHROW;
-/// Makes own bodies the links of one robot: whoever hears them takes all poses of one instant or none. Each update then gives motions of
-/// all links, or of none. Before any of them has a motion. Errors: NEARMESH_NOT_FOUND, NEARMESH_CONFLICT (a link of another robot, one that
-/// has a motion), NEARMESH_INVALID_ARGUMENT (fewer than 2, too many, a body that others move or that has a max_speed_mps).
+/// Makes own bodies the links of one robot: whoever hears them takes all poses of one instant or
+/// none. Each update then gives motions of all links, or of none. Before any of them has a motion.
+/// Errors: NEARMESH_NOT_FOUND, NEARMESH_CONFLICT (a link of another robot, one that has a motion),
+/// NEARMESH_INVALID_ARGUMENT (fewer than 2, too many, a body that others move or that has a
+/// max_speed_mps).
 NEARMESH_API nearmesh_status nearmesh_session_link_bodies(nearmesh_session* session,
                                                           const nearmesh_body* bodies, size_t count,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
-/// The body is there no more, nor are its pairs. A link takes all links of its robot with it. Errors: NEARMESH_NOT_FOUND.
+/// The body is there no more, nor are its pairs. A link takes all links of its robot with it.
+/// Errors: NEARMESH_NOT_FOUND.
 NEARMESH_API nearmesh_status nearmesh_session_remove_body(nearmesh_session* session,
                                                           nearmesh_body body,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
-/// From now on the body has another model; where it is stays. `content`: as in nearmesh_body_options.
-/// Errors: NEARMESH_NOT_FOUND, and those of nearmesh_session_add_body.
+/// From now on the body has another model; where it is stays. `content`: as in
+/// nearmesh_body_options. Errors: NEARMESH_NOT_FOUND, and those of nearmesh_session_add_body.
 NEARMESH_API nearmesh_status nearmesh_session_replace_model(nearmesh_session* session,
                                                             nearmesh_body body, const char* model,
                                                             const char* content,
                                                             nearmesh_error* error) NEARMESH_NOTHROW;
-/// Watches all pairs of bodies, now and later, but those of which both are in place and those that groups and masks leave out. A
-/// frame lists those that may be near, and says of all others together that they are free (nearmesh_frame.free_*).
+/// Watches all pairs of bodies, now and later, but those of which both are in place and those that
+/// groups and masks leave out. A frame lists those that may be near, and says of all others
+/// together that they are free (nearmesh_frame.free_*).
 NEARMESH_API nearmesh_status nearmesh_session_watch_all(nearmesh_session* session,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
-/// As nearmesh_session_watch_all(), but of the pairs of own bodies alone: with each other, and with all that others move.
+/// As nearmesh_session_watch_all(), but of the pairs of own bodies alone: with each other, and with
+/// all that others move.
 NEARMESH_API nearmesh_status nearmesh_session_watch_own(nearmesh_session* session,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
-/// Declares each body that another peer moves and that is not declared here, with the name, model, content, group and mask that its
-/// mover tells, and whether it is solid (nearmesh_session_came). One that its mover removes is removed here (nearmesh_session_went).
-/// Of one whose mover has left nothing is known: it stays, and none of its pairs is certified.
+/// Declares each body that another peer moves and that is not declared here, with the name, model,
+/// content, group and mask that its mover tells, and whether it is solid (nearmesh_session_came).
+/// One that its mover removes is removed here (nearmesh_session_went). Of one whose mover has left
+/// nothing is known: it stays, and none of its pairs is certified.
 NEARMESH_API nearmesh_status nearmesh_session_discover_bodies(nearmesh_session* session,
                                                               nearmesh_error* error) NEARMESH_NOTHROW;
-/// Lists the answer about two bodies in every frame, whatever their groups. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT
-/// (the same body).
+/// Lists the answer about two bodies in every frame, whatever their groups. Errors:
+/// NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (the same body).
 NEARMESH_API nearmesh_status nearmesh_session_watch(nearmesh_session* session, nearmesh_body a,
                                                     nearmesh_body b, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -478,7 +539,7 @@ NEARMESH_API nearmesh_status nearmesh_session_unwatch(nearmesh_session* session,
                                                       nearmesh_body b, nearmesh_error* error)
     NEARMESH_NOTHROW;
 
-// ---- A frame -------------------------------------------------------------------------------------------------------
+// ---- A frame ------------------------------------------------------------------------------------
 
 /// What one update did and said. Seconds are wall clock of that call.
 typedef struct nearmesh_frame {
@@ -487,12 +548,15 @@ typedef struct nearmesh_frame {
   size_t complaint_count;  ///< nearmesh_session_complaint()
   int32_t all_certified;   ///< of all pairs, listed or not
   int32_t reserved;
-  /// With watch_all or watch_own: so many pairs are not listed, because boxes prove them apart; a certified answer.
+  /// With watch_all or watch_own: so many pairs are not listed, because boxes prove them apart; a
+  /// certified answer.
   uint64_t free_by_bounds;
   double free_clearance_m;  ///< of each of them at least
-  double free_horizon_s;    ///< so long after the frame's time none of them can touch, if bodies keep within their speeds
+  /// So long after the frame's time none of them can touch, if bodies keep within their speeds.
+  double free_horizon_s;
   uint64_t free_digest;
-  uint64_t unknown_pairs;   ///< that are not listed since nothing is known of one of the two: uncertain
+  /// That are not listed since nothing is known of one of the two: uncertain.
+  uint64_t unknown_pairs;
   double load_s, refine_s, tree_s;  ///< decoding batches, refining meshes, following with trees
   double broad_s;           ///< finding the pairs that may be near
   double query_s;           ///< answering, the sum over pairs
@@ -501,7 +565,8 @@ typedef struct nearmesh_frame {
   uint64_t answers_digest;  ///< of all answers; equal on peers that know the same
   uint64_t pairs_put_off;   ///< answers that are, for want of budget
   size_t contact_event_count;  ///< nearmesh_session_contact_event()
-  size_t came_count, went_count;  ///< with discover_bodies: nearmesh_session_came(), nearmesh_session_went()
+  /// With discover_bodies: nearmesh_session_came(), nearmesh_session_went().
+  size_t came_count, went_count;
   uint64_t promised;        ///< bodies of which no full pose is here, and a promise holds
 } nearmesh_frame;
 
@@ -535,13 +600,17 @@ typedef struct nearmesh_last_certified {
   int32_t contained;   ///< NEARMESH_NOT_CONTAINED and so on
   uint64_t pair_total;
   double age_s;        ///< the frame's time less that of the frame that it was given in
-  double clearance_m;  ///< the surfaces are at least so far apart at this frame's poses; 0: nothing follows
-  double safe_s;       ///< so long nothing can touch, if the bodies keep within their speeds of this frame; 0: nothing follows
+  /// The surfaces are at least so far apart at this frame's poses; 0: nothing follows.
+  double clearance_m;
+  /// So long nothing can touch, if the bodies keep within their speeds of this frame; 0: nothing
+  /// follows.
+  double safe_s;
 } nearmesh_last_certified;
 
 /// A tile of a world, in one of its places.
 typedef struct nearmesh_world_tile {
-  char content[33];      ///< of its model, 32 hexadecimal digits; of a probe's answer empty where no face was met
+  /// Of its model, 32 hexadecimal digits; of a probe's answer empty where no face was met.
+  char content[33];
   int32_t place[3];      ///< where its grid begins, in cells from the world's origin
 } nearmesh_world_tile;
 /// A tile that pages do not prove apart from the other body, now or within the look-ahead.
@@ -550,14 +619,16 @@ typedef struct nearmesh_near_tile {
   int32_t is_here;   ///< its header is; else nothing is known of it but its box
   int32_t asked;     ///< its trees were asked; else its turn did not come, or it is not here
   int32_t status;    ///< as nearmesh_answer.status
-  uint64_t pairs;    ///< so many of the answer's pairs are of this tile: first come those of the first tile, and so on
+  /// So many of the answer's pairs are of this tile: first come those of the first tile, and so on.
+  uint64_t pairs;
   uint64_t missing;  ///< nodes of its model that the answer misses
 } nearmesh_near_tile;
 /// What an answer says of a body that is a world (docs/worlds.md).
 typedef struct nearmesh_world_answer {
   const char* content;        ///< of the world, 32 digits
   size_t tile_count;          ///< see nearmesh_world_answer_tile
-  size_t missing_page_count;  ///< pages that are not here, of which nothing is known but their boxes
+  /// Pages that are not here, of which nothing is known but their boxes.
+  size_t missing_page_count;
 } nearmesh_world_answer;
 /// By place. Valid as long as the answer. NULL beyond its tile_count.
 NEARMESH_API const nearmesh_near_tile* nearmesh_world_answer_tile(
@@ -567,19 +638,28 @@ NEARMESH_API const nearmesh_near_tile* nearmesh_world_answer_tile(
 typedef struct nearmesh_pair_answer {
   nearmesh_body a, b;             ///< as they were watched; else the lower first
   const nearmesh_answer* answer;
-  const char* reason;   ///< why nothing can be said: something that has not come, or is too old; else empty
-  const char* awaited;  ///< not certified for want of detail: of which model, and who sends it; else empty
+  /// Why nothing can be said: something that has not come, or is too old; else empty.
+  const char* reason;
+  /// Not certified for want of detail: of which model, and who sends it; else empty.
+  const char* awaited;
   int32_t asked;        ///< headers and fresh poses were there
-  int32_t put_off;      ///< they were there, but the budget ended before its turn, or in it: not asked
-  double age_a_s, age_b_s;        ///< of the poses at the frame's time; infinite where none has come
+  /// They were there, but the budget ended before its turn, or in it: not asked.
+  int32_t put_off;
+  /// Of the poses at the frame's time; infinite where none has come.
+  double age_a_s, age_b_s;
   nearmesh_pose pose_a, pose_b;   ///< what was asked about; meaningless unless `asked`
-  const char* content_a;          ///< of the models that it is about, 32 digits; empty: not known yet
+  /// Of the models that it is about, 32 digits; empty: not known yet.
+  const char* content_a;
   const char* content_b;
-  double safe_horizon_s;          ///< so long nothing can touch, if the bodies keep within their speeds
+  /// So long nothing can touch, if the bodies keep within their speeds.
+  double safe_horizon_s;
   const nearmesh_swept* swept;    ///< with sweep_s, where the poses are known; else NULL
-  const nearmesh_last_certified* last_certified;  ///< of a pair that is put off, if it ever was certified; else NULL
-  const uint64_t* contact_ids;    ///< of each patch of answer->contacts, where there are some: a number that lasts with the contact
-  const nearmesh_world_answer* world;  ///< where one of the bodies is a world, and was asked; else NULL
+  /// Of a pair that is put off, if it ever was certified; else NULL.
+  const nearmesh_last_certified* last_certified;
+  /// Of each patch of answer->contacts, where there are some: a number that lasts with the contact.
+  const uint64_t* contact_ids;
+  /// Where one of the bodies is a world, and was asked; else NULL.
+  const nearmesh_world_answer* world;
 } nearmesh_pair_answer;
 
 /// A body of which nothing can be said; none of its pairs is certified.
@@ -589,17 +669,19 @@ typedef struct nearmesh_unknown_body {
   const char* reason;
 } nearmesh_unknown_body;
 
-/// One frame: publishes the motions of own bodies, takes in what arrived, answers the watched pairs, and asks for what is missing.
-/// May be called again for the same frame. Never blocks. All of it ends within `budget_s`, by the wall clock, but for one batch, one
-/// pair, one look ahead, and some microseconds a body and pair. Pairs take turns, who may touch soonest first; whose turn did
-/// not come is `put_off`. A budget decides which pairs are asked, never what an answer says.
-/// In: `count` own bodies and their motions, side by side; those that rest need not be passed again. `time_s`: the frame's time on
-/// the clock that the whole exercise has, at most 1e11 from 0.
-/// Out: `frame`; it, and all that the functions below give, is valid until the next call of this, nearmesh_session_wait_ready()
-/// or nearmesh_session_destroy().
-/// Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT naming the body or what is wrong; the last frame stays then. After
-/// NEARMESH_OUT_OF_MEMORY or NEARMESH_INTERNAL no frame is left, and every later call gives NEARMESH_CONFLICT: destroy the session.
-/// So it is with every function that changes a session.
+/// One frame: publishes the motions of own bodies, takes in what arrived, answers the watched
+/// pairs, and asks for what is missing. May be called again for the same frame. Never blocks. All
+/// of it ends within `budget_s`, by the wall clock, but for one batch, one pair, one look ahead,
+/// and some microseconds a body and pair. Pairs take turns, who may touch soonest first; whose turn
+/// did not come is `put_off`. A budget decides which pairs are asked, never what an answer says.
+/// In: `count` own bodies and their motions, side by side; those that rest need not be passed
+/// again. `time_s`: the frame's time on the clock that the whole exercise has, at most 1e11 from 0.
+/// Out: `frame`; it, and all that the functions below give, is valid until the next call of this,
+/// nearmesh_session_wait_ready() or nearmesh_session_destroy().
+/// Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT naming the body or what is wrong; the last
+/// frame stays then. After NEARMESH_OUT_OF_MEMORY or NEARMESH_INTERNAL no frame is left, and every
+/// later call gives NEARMESH_CONFLICT: destroy the session. So it is with every function that
+/// changes a session.
 NEARMESH_API nearmesh_status nearmesh_session_update(nearmesh_session* session, uint64_t frame_number,
                                                      double time_s, const nearmesh_body* bodies,
                                                      const nearmesh_motion* motions, size_t count,
@@ -608,18 +690,21 @@ NEARMESH_API nearmesh_status nearmesh_session_update(nearmesh_session* session, 
 /// Of the last frame. NULL beyond its answer_count. By the lower body, then the higher.
 NEARMESH_API const nearmesh_pair_answer* nearmesh_session_answer(const nearmesh_session* session,
                                                                  size_t index) NEARMESH_NOTHROW;
-/// The answer about two bodies, in either order; NULL where it is not listed: then they are free by bounds, or one is unknown, or
-/// nobody watches them.
+/// The answer about two bodies, in either order; NULL where it is not listed: then they are free by
+/// bounds, or one is unknown, or nobody watches them.
 NEARMESH_API const nearmesh_pair_answer* nearmesh_session_find(const nearmesh_session* session,
                                                                nearmesh_body a, nearmesh_body b)
     NEARMESH_NOTHROW;
-/// With `contacts`: one for each contact that there is or was until now. Of the last frame. NULL beyond contact_event_count.
+/// With `contacts`: one for each contact that there is or was until now. Of the last frame. NULL
+/// beyond contact_event_count.
 NEARMESH_API const nearmesh_contact_event* nearmesh_session_contact_event(
     const nearmesh_session* session, size_t index) NEARMESH_NOTHROW;
-/// With watch_all or watch_own: bodies of which nothing is known. Of the last frame. NULL beyond unknown_count.
+/// With watch_all or watch_own: bodies of which nothing is known. Of the last frame. NULL beyond
+/// unknown_count.
 NEARMESH_API const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* session,
                                                                    size_t index) NEARMESH_NOTHROW;
-/// With discover_bodies: bodies that came, or went, in the last frame. NEARMESH_NONE beyond came_count and went_count.
+/// With discover_bodies: bodies that came, or went, in the last frame. NEARMESH_NONE beyond
+/// came_count and went_count.
 NEARMESH_API nearmesh_body nearmesh_session_came(const nearmesh_session* session,
                                                  size_t index) NEARMESH_NOTHROW;
 NEARMESH_API nearmesh_body nearmesh_session_went(const nearmesh_session* session,
@@ -628,7 +713,7 @@ NEARMESH_API nearmesh_body nearmesh_session_went(const nearmesh_session* session
 NEARMESH_API const char* nearmesh_session_complaint(const nearmesh_session* session, size_t index)
     NEARMESH_NOTHROW;
 
-// ---- What a session knows ------------------------------------------------------------------------------------------
+// ---- What a session knows -----------------------------------------------------------------------
 
 /// nearmesh_readiness.stage
 enum {
@@ -643,13 +728,15 @@ typedef struct nearmesh_readiness {
   uint64_t pairs, certified;  ///< watched pairs of the body, and how many are certified
   const char* reason;         ///< of the first pair that is least far; empty when certified
 } nearmesh_readiness;
-/// As of the last update. Out: valid until the next call of this or nearmesh_session_wait_ready(). Errors: NEARMESH_NOT_FOUND.
+/// As of the last update. Out: valid until the next call of this or nearmesh_session_wait_ready().
+/// Errors: NEARMESH_NOT_FOUND.
 NEARMESH_API nearmesh_status nearmesh_session_readiness(nearmesh_session* session,
                                                         nearmesh_body body,
                                                         const nearmesh_readiness** readiness,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
-/// Calls update() each 2 ms until every watched pair of the body is certified, or `timeout_s` is over (0: one update). The one
-/// call that blocks. The rest as for nearmesh_session_update(), of which the last is the frame, with the complaints of all.
+/// Calls update() each 2 ms until every watched pair of the body is certified, or `timeout_s` is
+/// over (0: one update). The one call that blocks. The rest as for nearmesh_session_update(), of
+/// which the last is the frame, with the complaints of all.
 NEARMESH_API nearmesh_status nearmesh_session_wait_ready(
     nearmesh_session* session, nearmesh_body body, double timeout_s, uint64_t frame_number,
     double time_s, const nearmesh_body* bodies, const nearmesh_motion* motions, size_t count,
@@ -670,7 +757,8 @@ NEARMESH_API nearmesh_status nearmesh_session_region_readiness(
     nearmesh_session* session, nearmesh_body body, const double lo_m[3], const double hi_m[3],
     const nearmesh_region_readiness** readiness, nearmesh_error* error) NEARMESH_NOTHROW;
 
-/// Where a body was last known to be, and how it moves. Errors: NEARMESH_NOT_FOUND, also where no pose has come.
+/// Where a body was last known to be, and how it moves. Errors: NEARMESH_NOT_FOUND, also where no
+/// pose has come.
 NEARMESH_API nearmesh_status nearmesh_session_motion_of(const nearmesh_session* session,
                                                         nearmesh_body body, nearmesh_motion* motion,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
@@ -692,13 +780,15 @@ NEARMESH_API nearmesh_status nearmesh_session_body_facts(nearmesh_session* sessi
                                                          nearmesh_body body,
                                                          const nearmesh_body_facts** facts,
                                                          nearmesh_error* error) NEARMESH_NOTHROW;
-/// What is held of a body's model, to be drawn: 9 numbers a face, its three corners, metres, the body's model frame.
+/// What is held of a body's model, to be drawn: 9 numbers a face, its three corners, metres, the
+/// body's model frame.
 typedef struct nearmesh_held_mesh {
   size_t exact_count, coarse_count;
   const double* exact_m;   ///< faces of the full mesh
   const double* coarse_m;  ///< faces that stand for what is missing
 } nearmesh_held_mesh;
-/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also while its header has not come. Cost: some 100 ns a face.
+/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also while its header has
+/// not come. Cost: some 100 ns a face.
 NEARMESH_API nearmesh_status nearmesh_session_held_mesh(nearmesh_session* session,
                                                         nearmesh_body body,
                                                         const nearmesh_held_mesh** mesh,
@@ -706,17 +796,19 @@ NEARMESH_API nearmesh_status nearmesh_session_held_mesh(nearmesh_session* sessio
 /// The same number while that mesh is the same; 0 where it is not found. Cost: some nanoseconds.
 NEARMESH_API uint64_t nearmesh_session_held_state(const nearmesh_session* session,
                                                   nearmesh_body body) NEARMESH_NOTHROW;
-/// The header of a body's model. Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also where it has not come.
+/// The header of a body's model. Out: valid until the next call of this. Errors:
+/// NEARMESH_NOT_FOUND, also where it has not come.
 NEARMESH_API nearmesh_status nearmesh_session_model_facts(nearmesh_session* session,
                                                           nearmesh_body body,
                                                           const nearmesh_model_facts** facts,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
-/// The latest time that a pose of another peer had: for who has no clock of the exercise and follows that of the others.
-/// Errors: NEARMESH_NOT_FOUND where none has come.
+/// The latest time that a pose of another peer had: for who has no clock of the exercise and
+/// follows that of the others. Errors: NEARMESH_NOT_FOUND where none has come.
 NEARMESH_API nearmesh_status nearmesh_session_heard_time(const nearmesh_session* session,
                                                          double* time_s, nearmesh_error* error)
     NEARMESH_NOTHROW;
-/// Brings the files of cache_folder up to date, as the session's end does. Errors: NEARMESH_IO, NEARMESH_CONFLICT.
+/// Brings the files of cache_folder up to date, as the session's end does. Errors: NEARMESH_IO,
+/// NEARMESH_CONFLICT.
 NEARMESH_API nearmesh_status nearmesh_session_write_cache(nearmesh_session* session,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
 
@@ -737,9 +829,10 @@ NEARMESH_API nearmesh_status nearmesh_session_get_stats(nearmesh_session* sessio
                                                         const nearmesh_session_stats** stats,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
 
-// ---- Probes ----------------------------------------------------------------------------------------------------------
+// ---- Probes -------------------------------------------------------------------------------------
 
-// Rays, heights, points, balls and boxes against one body: certified, or uncertain. What they mean: core/query/probe.hpp.
+// Rays, heights, points, balls and boxes against one body: certified, or uncertain. What they mean:
+// core/query/probe.hpp.
 
 /// status of the answers to probes
 enum {
@@ -748,7 +841,8 @@ enum {
   NEARMESH_PROBE_UNCERTAIN = 2   ///< what is missing may be met
 };
 
-/// From a point of the world in a direction of any length, as far as range_m, which may be INFINITY. Straight down: 0, 0, -1.
+/// From a point of the world in a direction of any length, as far as range_m, which may be
+/// INFINITY. Straight down: 0, 0, -1.
 typedef struct nearmesh_ray {
   double origin_m[3];
   double direction[3];
@@ -757,11 +851,14 @@ typedef struct nearmesh_ray {
 /// The first face that a ray meets.
 typedef struct nearmesh_ray_answer {
   int32_t status;
-  int32_t has_face;      ///< a face is known that is met; uncertain: what is missing may be met before it
-  double at_least_m;     ///< nothing is met before; hit: the distance of the face but for rounding. Miss: infinite
+  /// A face is known that is met; uncertain: what is missing may be met before it.
+  int32_t has_face;
+  /// Nothing is met before; hit: the distance of the face but for rounding. Miss: infinite.
+  double at_least_m;
   double at_most_m;      ///< something is met by then; hit: the distance of the face
   double point_m[3];     ///< world; where has_face
-  double normal[3];      ///< of the face, where its corners run counter-clockwise; 0, 0, 0: it has none
+  /// Of the face, where its corners run counter-clockwise; 0, 0, 0: it has none.
+  double normal[3];
   nearmesh_face face;
   uint32_t missing;      ///< nodes whose detail this answer lacks
   uint32_t reserved;
@@ -802,9 +899,10 @@ typedef struct nearmesh_probe_report {
   uint64_t missing;      ///< nodes that are missing, of all answers together
 } nearmesh_probe_report;
 
-/// Probes of a body where it was as of the last update. What they lack the next updates ask for: probe, update, probe again.
-/// In: `count` probes. Out: as many answers; `report`, which may be NULL, valid until the next probe of this session.
-/// Errors: NEARMESH_NOT_FOUND; NEARMESH_INVALID_ARGUMENT naming the probe, or for points in a body whose model is open.
+/// Probes of a body where it was as of the last update. What they lack the next updates ask for:
+/// probe, update, probe again. In: `count` probes. Out: as many answers; `report`, which may be
+/// NULL, valid until the next probe of this session. Errors: NEARMESH_NOT_FOUND;
+/// NEARMESH_INVALID_ARGUMENT naming the probe, or for points in a body whose model is open.
 NEARMESH_API nearmesh_status nearmesh_session_probe_rays(
     nearmesh_session* session, nearmesh_body body, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, const nearmesh_probe_report** report,
@@ -823,9 +921,10 @@ NEARMESH_API nearmesh_status nearmesh_session_probe_boxes(
     nearmesh_shape_answer* answers, const nearmesh_probe_report** report,
     nearmesh_error* error) NEARMESH_NOTHROW;
 
-/// The same of a file at hand, in a place: certified, as detail is read where answers need it, and kept for later ones. (A box
-/// that holds a part of a model of more than 256 parts stays uncertain.)
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO.
+/// The same of a file at hand, in a place: certified, as detail is read where answers need it, and
+/// kept for later ones. (A box that holds a part of a model of more than 256 parts stays
+/// uncertain.) Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT,
+/// NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_probe_rays(
     nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
@@ -839,19 +938,22 @@ NEARMESH_API nearmesh_status nearmesh_model_probe_boxes(
     nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_box* boxes, size_t count,
     nearmesh_shape_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
 
-/// A world of tiles on disk, made by `nearmesh-model build-world` (docs/worlds.md), as if it were one mesh.
+/// A world of tiles on disk, made by `nearmesh-model build-world` (docs/worlds.md), as if it were
+/// one mesh.
 typedef struct nearmesh_world nearmesh_world;
-/// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64.
-/// Errors: NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
+/// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64. Errors:
+/// NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT,
+/// NEARMESH_UNSUPPORTED, naming the file.
 NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most_tiles,
                                                  nearmesh_world** world,
                                                  nearmesh_error* error) NEARMESH_NOTHROW;
 /// NULL: nothing.
 NEARMESH_API void nearmesh_world_close(nearmesh_world* world) NEARMESH_NOTHROW;
-/// Probes of a world in a place: certified. Faces are the tile's; `tiles` says whose, and may be NULL. There are no probes of
-/// points, since tiles are not closed: to learn whether a point is below a ground, send a ray.
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file;
-/// NEARMESH_OUT_OF_MEMORY. What was read of tiles is forgotten after the latter ones, and the world may be asked again.
+/// Probes of a world in a place: certified. Faces are the tile's; `tiles` says whose, and may be
+/// NULL. There are no probes of points, since tiles are not closed: to learn whether a point is
+/// below a ground, send a ray. Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose;
+/// NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file; NEARMESH_OUT_OF_MEMORY. What
+/// was read of tiles is forgotten after the latter ones, and the world may be asked again.
 NEARMESH_API nearmesh_status nearmesh_world_probe_rays(
     nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, nearmesh_world_tile* tiles, nearmesh_error* error) NEARMESH_NOTHROW;
@@ -864,18 +966,20 @@ NEARMESH_API nearmesh_status nearmesh_world_probe_boxes(
     nearmesh_shape_answer* answers, nearmesh_world_tile* tiles,
     nearmesh_error* error) NEARMESH_NOTHROW;
 
-/// Poses of bodies that others move, as the host heard them on a topic of its own: the next update takes them in, they age as
-/// those of the bus, and are not sent again. `times_s`: for when each holds, on the exercise's clock.
-/// Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (an own body, a motion, a time); nothing is taken then.
+/// Poses of bodies that others move, as the host heard them on a topic of its own: the next update
+/// takes them in, they age as those of the bus, and are not sent again. `times_s`: for when each
+/// holds, on the exercise's clock. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (an own
+/// body, a motion, a time); nothing is taken then.
 NEARMESH_API nearmesh_status nearmesh_session_hear(nearmesh_session* session,
                                                    const nearmesh_body* bodies,
                                                    const double* times_s,
                                                    const nearmesh_motion* motions, size_t count,
                                                    nearmesh_error* error) NEARMESH_NOTHROW;
 
-// ---- Recordings ----------------------------------------------------------------------------------------------------
+// ---- Recordings ---------------------------------------------------------------------------------
 
-/// A recording, all its parts in turn, also while it is being written. Reads forward from a place that can be set.
+/// A recording, all its parts in turn, also while it is being written. Reads forward from a place
+/// that can be set.
 typedef struct nearmesh_recording nearmesh_recording;
 
 typedef struct nearmesh_recording_facts {
@@ -885,7 +989,8 @@ typedef struct nearmesh_recording_facts {
   const char* prefix;      ///< of the topics' names
   const char* idl;         ///< text of the types, for who decodes the bytes
   int64_t message_count;   ///< when it was opened; messages are numbered from 1
-  int64_t begin_ns, end_ns;  ///< when the first and the last came, since 1970; 0 where there is none
+  /// When the first and the last came, since 1970; 0 where there is none.
+  int64_t begin_ns, end_ns;
   uint64_t topic_count, writer_count, gap_count, model_count;
 } nearmesh_recording_facts;
 
@@ -924,8 +1029,8 @@ typedef struct nearmesh_recorded_report {
   int32_t cut;            ///< the host's options ended the answer (any, max_pairs, max_tests)
 } nearmesh_recorded_report;
 
-/// Errors: NEARMESH_NOT_FOUND; NEARMESH_CORRUPT where it is no recording, or a damaged one; NEARMESH_UNSUPPORTED for a later
-/// version; NEARMESH_IO.
+/// Errors: NEARMESH_NOT_FOUND; NEARMESH_CORRUPT where it is no recording, or a damaged one;
+/// NEARMESH_UNSUPPORTED for a later version; NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_recording_open(const char* path, nearmesh_recording** recording,
                                                      nearmesh_error* error) NEARMESH_NOTHROW;
 /// NULL: nothing.
@@ -933,10 +1038,12 @@ NEARMESH_API void nearmesh_recording_close(nearmesh_recording* recording) NEARME
 /// Valid until the recording is closed. NULL for no recording.
 NEARMESH_API const nearmesh_recording_facts* nearmesh_recording_get_facts(
     const nearmesh_recording* recording) NEARMESH_NOTHROW;
-/// The next message is the one of this number, from 1; beyond the last one: none. Errors: NEARMESH_INVALID_ARGUMENT below 1.
+/// The next message is the one of this number, from 1; beyond the last one: none. Errors:
+/// NEARMESH_INVALID_ARGUMENT below 1.
 NEARMESH_API nearmesh_status nearmesh_recording_seek(nearmesh_recording* recording, int64_t id,
                                                      nearmesh_error* error) NEARMESH_NOTHROW;
-/// The next message is the first that came at this time or later. Errors: NEARMESH_CORRUPT, NEARMESH_IO.
+/// The next message is the first that came at this time or later. Errors: NEARMESH_CORRUPT,
+/// NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_recording_seek_time(nearmesh_recording* recording,
                                                           int64_t received_ns, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -945,10 +1052,10 @@ NEARMESH_API nearmesh_status nearmesh_recording_seek_time(nearmesh_recording* re
 NEARMESH_API nearmesh_status nearmesh_recording_next(nearmesh_recording* recording,
                                                      const nearmesh_recorded_message** message,
                                                      nearmesh_error* error) NEARMESH_NOTHROW;
-/// The next message that is a report of an answer; others are passed over, and so are reports that do not decode.
-/// Out: `report`, valid until the next call with this recording; NULL after the last one.
-/// Errors: NEARMESH_CORRUPT, NEARMESH_IO; NEARMESH_UNSUPPORTED for a recording of another wire version, and where the library was
-/// built without DDS, whose codec this needs.
+/// The next message that is a report of an answer; others are passed over, and so are reports that
+/// do not decode. Out: `report`, valid until the next call with this recording; NULL after the last
+/// one. Errors: NEARMESH_CORRUPT, NEARMESH_IO; NEARMESH_UNSUPPORTED for a recording of another wire
+/// version, and where the library was built without DDS, whose codec this needs.
 NEARMESH_API nearmesh_status nearmesh_recording_next_report(nearmesh_recording* recording,
                                                             const nearmesh_recorded_report** report,
                                                             nearmesh_error* error) NEARMESH_NOTHROW;

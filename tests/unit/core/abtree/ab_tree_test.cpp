@@ -176,8 +176,8 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
   }
 }
 
-// A publisher sends a node's box only where the node's own split is not in the same answer, so a box may come long
-// after its node, and after nodes below that did without.
+// A publisher sends a node's box only where the node's own split is not in the same answer, so a
+// box may come long after its node, and after nodes below that did without.
 TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
   const BakedModel model = test::bake_named(GetParam());
   Treelet treelet;
@@ -225,7 +225,8 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
     EXPECT_TRUE(replica.apply_batch(decode(split, BoxPolicy::kAllNodes)).delta.is_empty());
 }
 
-// Large enough for several layers of upper nodes, which are packed anew where a large node is split after smaller ones elsewhere, or made whole.
+// Large enough for several layers of upper nodes, which are packed anew where a large node is split
+// after smaller ones elsewhere, or made whole.
 TEST(AbTree, UpperNodesArePackedAsFromScratch) {
   const BakedModel model = test::bake_mesh(generate_terrain(100, 3), 16);
   const SplitStore& store = model.store;
@@ -279,7 +280,8 @@ TEST(AbTree, NodesOfAWholeModelAreNearlyFull) {
   EXPECT_GT(static_cast<double>(lanes) / static_cast<double>(nodes), 5.5);
 }
 
-// A book's vertices hang on its spine: long chains of nodes, many of them without a face, below several roots.
+// A book's vertices hang on its spine: long chains of nodes, many of them without a face, below
+// several roots.
 TEST(AbTree, FollowsRootsThatCollapseBesideEmptyOnes) {
   const BakedModel model = test::bake_mesh(test::make_book(200), 16);
   ASSERT_GT(model.header.roots.size(), 8U);
@@ -381,7 +383,8 @@ TEST(AbTree, MemoryDoesNotGrowWithRefiningAndCollapsing) {
   EXPECT_LE(tree.stats().bytes, after_first * 3 / 2);
 }
 
-// A slot's box that encloses all faces whose home is there, but not one that only has its outside corner there.
+// A slot's box that encloses all faces whose home is there, but not one that only has its outside
+// corner there.
 TEST(AbTree, FindsAnExactFaceOutsideTheBoxOfAnotherCornersSlot) {
   const BakedModel model = test::bake_mesh(generate_sphere(40, 0), 16);
   const SplitStore& store = model.store;

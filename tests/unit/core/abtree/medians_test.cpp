@@ -65,7 +65,8 @@ TEST(Medians, LeastPartsAreThoseOfASort) {
 TEST(Medians, NthLeastIsTheOneThatSortingFinds) {
   Random random(93);
   for (int i = 0; i < 2000; ++i) {
-    // Few different ones, so that some are equal, or all 32 bits; also counts that do not fill a vector.
+    // Few different ones, so that some are equal, or all 32 bits; also counts that do not fill a
+    // vector.
     const std::uint32_t range = i % 3 == 0 ? 5 : i % 3 == 1 ? 0x7fffffffU : 1U << random.below(31);
     std::vector<std::uint32_t> numbers(1 + random.below(200));
     for (std::uint32_t& x : numbers) {

@@ -219,8 +219,9 @@ class OneRequest : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Models, OneRequest, ::testing::ValuesIn(test::mesh_names()),
                          [](const auto& model) { return model.param; });
 
-// What is asked for at one go suffices: nothing that the query then lacks stands outside the region, whatever was known
-// before, and however boxes of children stand out of those of their parents.
+// What is asked for at one go suffices: nothing that the query then lacks stands outside the
+// region, whatever was known before, and however boxes of children stand out of those of their
+// parents.
 TEST_P(OneRequest, IsEnoughToCertify) {
   const BakedModel model = test::bake_named(GetParam());
   const BakedModel other = test::bake_named(GetParam() == "aircraft" ? "sphere" : "aircraft");
@@ -269,8 +270,8 @@ TEST_P(OneRequest, IsEnoughToCertify) {
   EXPECT_TRUE(asked > 5 || model.header.split_count() < 10) << asked;
 }
 
-// Both bodies come over the wire: neither waits for the other, rounds are few, and less is asked for than by what the other
-// body's coarse boxes cover.
+// Both bodies come over the wire: neither waits for the other, rounds are few, and less is asked
+// for than by what the other body's coarse boxes cover.
 TEST(MakeRequest, TwoBodiesRefineEachOtherInAFewRounds) {
   const BakedModel model = test::bake_named("sphere");
   const test::FullModel full(model);
@@ -350,8 +351,8 @@ TEST(MakeRequest, WeighsNoMoreThanTheAnswerThatIsExpected) {
   EXPECT_LE(asked_for.back(), 3U);
 }
 
-// What is asked for ahead comes whole: each answer leaves nothing below the nodes it was asked for, and about as much is
-// asked for as may be.
+// What is asked for ahead comes whole: each answer leaves nothing below the nodes it was asked for,
+// and about as much is asked for as may be.
 TEST(MakeRequest, AsksForWholeNodesWhereThereIsTime) {
   const BakedModel terrain = test::bake_named("terrain");
   const auto region = [](std::size_t, std::span<const GridBox>) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bounded map forgets what was used longest ago, never what is pinned, and no group displaces the others.
+// A bounded map forgets what was used longest ago, never what is pinned, and no group displaces the
+// others.
 #include "core/base/lru_map.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An array of which few elements are set reads as one that is there whole, however they come and go.
+// An array of which few elements are set reads as one that is there whole, however they come and
+// go.
 #include "nearmesh/core/base/detail/sparse_array.hpp"
 
 #include <gtest/gtest.h>

@@ -53,7 +53,8 @@ Motion random_motion(Random& random) {
   return motion;
 }
 
-// Squares and sums of such sizes are beyond doubles. What a bound of it that is no number meets is nothing.
+// Squares and sums of such sizes are beyond doubles. What a bound of it that is no number meets is
+// nothing.
 TEST(ModelBoundsOf, ModelsBeyondAllSizesMeetThemselvesAndWhatIsInThem) {
   constexpr std::int32_t kLast = (1 << 21) - 1;
   const GridBox whole{{{0, 0, 0}}, {{kLast, kLast, kLast}}};
@@ -97,7 +98,8 @@ TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
     const double duration_s = random.between(0, 2), margin_m = random.between(0, 1);
     const WorldBox box = bounds.around(motion, duration_s, margin_m);
     const int lattice = lattice_exponent(model.header.grid, other.header.grid);
-    // Two bodies share what the lattice takes: a body against a much larger one may take more than its own half.
+    // Two bodies share what the lattice takes: a body against a much larger one may take more than
+    // its own half.
     const double lent_m = 1.8 * std::ldexp(1.0, lattice);
     expect_holds(box, model, motion.pose, lattice,
                  bounds.way_m(motion, duration_s) + margin_m - lent_m);
@@ -107,7 +109,8 @@ TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
   }
 }
 
-// The rounding of both is covered by both: boxes that do not meet leave no way to meet for the posed vertices.
+// The rounding of both is covered by both: boxes that do not meet leave no way to meet for the
+// posed vertices.
 void expect_apart_where_boxes_part(const BakedModel& left, const BakedModel& right) {
   const ModelBounds a(left.header.grid, left.store), b(right.header.grid, right.store);
   const int lattice = lattice_exponent(left.header.grid, right.header.grid);

@@ -173,7 +173,8 @@ TEST_P(Certificate, ShortRoundsCertifyToo) {
   EXPECT_GT(short_rounds, rounds);
 }
 
-// Where the sender errs the receiver's answers do: every face of the full mesh is held against every claim.
+// Where the sender errs the receiver's answers do: every face of the full mesh is held against
+// every claim.
 TEST_P(Certificate, HalfSpacesThatAreSentHoldEveryFace) {
   const test::TrueBoxes truth_a(a_.store), truth_b(b_.store);
   Random random(21);
@@ -292,8 +293,8 @@ TEST_P(Certificate, StateThatIsNotKnownIsToldOnce) {
   EXPECT_TRUE(desk.begin(desk.ask(motion_a, motion_b, 0)).maker) << "it is known now";
 }
 
-// Mirrors that sleep are as they were when they wake, half-spaces included; and they take hardly any memory meanwhile. They wake in parts, since that
-// takes as long as a peer's word does.
+// Mirrors that sleep are as they were when they wake, half-spaces included; and they take hardly
+// any memory meanwhile. They wake in parts, since that takes as long as a peer's word does.
 TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
   Desk desk(a_, b_);
   Random random(10);
@@ -462,7 +463,8 @@ TEST(Mirrors, ThatSleepKeepNoFileOpen) {
   EXPECT_EQ(make_mirror(file, std::move(found.held)).value()->state(), state);
 }
 
-// Who holds a large part of all that a server may keep awake loses its own place where that is short, and nobody else's.
+// Who holds a large part of all that a server may keep awake loses its own place where that is
+// short, and nobody else's.
 TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   const std::unique_ptr<test::TempFile> path =
       test::write_model(test::bake_mesh(generate_terrain(280, 7), 16));
@@ -545,7 +547,8 @@ IndexedMesh make_spindle(std::uint32_t sides, double height_m) {
   return spindle;
 }
 
-// Two solids, tip to tip: each face there touches each, so the peer's own query would take forty times the tests that an answer may.
+// Two solids, tip to tip: each face there touches each, so the peer's own query would take forty
+// times the tests that an answer may.
 TEST(CertificateMakers, EndAfterSoManyTests) {
   constexpr std::uint32_t kSides = 20'000;
   static_assert(std::uint64_t{kSides} * kSides == 40 * CertificateMaker::kMaxTests);
@@ -562,7 +565,8 @@ TEST(CertificateMakers, EndAfterSoManyTests) {
   BegunCertificate begun = desk.begin(request);
   ASSERT_TRUE(begun.maker) << begun.why_not;
   EXPECT_EQ(desk.answer(*begun.maker), 0U) << "all is held";
-  // The query is asked with 0.2, 0.8, 3.2 and 12.8 million tests, and not again with more; six rounds are for the rest.
+  // The query is asked with 0.2, 0.8, 3.2 and 12.8 million tests, and not again with more; six
+  // rounds are for the rest.
   EXPECT_EQ(desk.rounds, 10U);
 }
 

@@ -414,7 +414,8 @@ TEST(RegionPart, AsksForNodesAboveItsLeastExtent) {
   EXPECT_FALSE(part.asks_for({{11, 11, 11}, {27, 26, 26}}));
 }
 
-// A part that is itself not known better than so asks for no finer detail, but where a node is named.
+// A part that is itself not known better than so asks for no finer detail, but where a node is
+// named.
 TEST(CollectRegion, StopsAtTheLeastExtent) {
   const BakedModel model = test::bake_named("terrain");
   RegionRequest request = request_for_all(model);

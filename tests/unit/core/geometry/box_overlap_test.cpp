@@ -234,7 +234,8 @@ BoundedPart half_space_around(const std::array<GridPoint, 3>& t,
   return part;
 }
 
-// Directions: at random, and that from one triangle to the other, along which they are nearly parted.
+// Directions: at random, and that from one triangle to the other, along which they are nearly
+// parted.
 TEST(HalfSpaceApart, NeverAcrossAContact) {
   Random random(25);
   for_each_last_contact(25, [&](const Scene& s) {

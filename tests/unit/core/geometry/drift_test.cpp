@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Boxes and triangles adrift: never "stay apart" where the drift brings them together, and no finer than at rest.
+// Boxes and triangles adrift: never "stay apart" where the drift brings them together, and no finer
+// than at rest.
 #include <algorithm>
 #include <cmath>
 
@@ -107,7 +108,8 @@ TEST(RelativeFrameOfPoses, VectorsOfTheWorldTurnIntoTheGrid) {
   }
 }
 
-/// A drift that takes a point of b to one of a: partly along, partly around, in shares of all magnitudes.
+/// A drift that takes a point of b to one of a: partly along, partly around, in shares of all
+/// magnitudes.
 Drift drift_together(Random& random, const Vec3& p, const Vec3& q) {
   Drift drift;
   Vec3 way{p[0] - q[0], p[1] - q[1], p[2] - q[2]};
@@ -175,7 +177,8 @@ TEST(Drift, SlidingPastCostsNothing) {
 }
 
 TEST(Drift, TurnedTrianglesSlidePastEachOtherToo) {
-  // The same, seen from a model that is turned: no axis of A's helps, only the direction between the triangles.
+  // The same, seen from a model that is turned: no axis of A's helps, only the direction between
+  // the triangles.
   const Grid grid{.exponent = -16, .bits = 21};
   Random random(35);
   for (int i = 0; i < 1000; ++i) {

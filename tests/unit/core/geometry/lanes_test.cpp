@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vector tests never part what touches, part most of what does not, and say the same on every instruction set.
+// The vector tests never part what touches, part most of what does not, and say the same on every
+// instruction set.
 #include "core/geometry/kernels_for_tests.hpp"
 
 #include <gtest/gtest.h>
@@ -215,8 +216,8 @@ class Approach {
   std::array<std::int64_t, 3> start_, way_;
 };
 
-// A patch of each body is brought to where they just touch; there, and a little before, the lanes' verdicts are held
-// against the exact test.
+// A patch of each body is brought to where they just touch; there, and a little before, the lanes'
+// verdicts are held against the exact test.
 TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
   std::uint64_t first_digest = 0;
   test::for_each_instruction_set([&first_digest] {
@@ -260,7 +261,8 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
           double gaps_m[kLanes], extents_m[kLanes], way_m[kLanes], bare_way_m[kLanes];
           find_gaps_along(f, way, placed, j, a.boxes, way_m);
           find_gaps_along(f, way, placed_bare, j, without_slabs(a.boxes), bare_way_m);
-          // Of the first triangle of a's patch j and of each of b's: by what they reach along the way.
+          // Of the first triangle of a's patch j and of each of b's: by what they reach along the
+          // way.
           double reaches[kLanes], reaches_back[kLanes];
           find_reaches(a.triangles, way.way, reaches);
           find_reaches(b.triangles, way.back, reaches_back);
@@ -338,8 +340,8 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
   });
 }
 
-// Coordinates of 31 bits lose seven of them in a float, which is more than the patches that meet there may measure, or a
-// good part of how far apart large ones are.
+// Coordinates of 31 bits lose seven of them in a float, which is more than the patches that meet
+// there may measure, or a good part of how far apart large ones are.
 TEST(Lanes, FloatsPartNothingThatTouchesOnTheFinestGrids) {
   Random random(43);
   int touching = 0, parted = 0;
@@ -396,8 +398,8 @@ GridPoint middle_of(const Triangle& t) {
   return middle;
 }
 
-// Triangles thrown into one place: most that cross are told from most that do not, and none wrongly; small ones, whose
-// posed corners are rounded by much of their size, are left open.
+// Triangles thrown into one place: most that cross are told from most that do not, and none
+// wrongly; small ones, whose posed corners are rounded by much of their size, are left open.
 TEST(Lanes, PairsOfTrianglesAreDecidedAsTheExactTestDoes) {
   std::uint64_t first_digest = 0;
   test::for_each_instruction_set([&first_digest] {

@@ -241,8 +241,8 @@ TEST(PosePoint, StaysWithinHalfACellOfTheAffineImage) {
 /// Two grids of one lattice that hold the same points, at different coordinates.
 struct Neighbours {
   Grid one, other;
-  std::array<std::int32_t, 3>
-      apart{};  // what a point's coordinates in `other` are less than in `one`
+  // What a point's coordinates in `other` are less than in `one`.
+  std::array<std::int32_t, 3> apart{};
 };
 Neighbours random_neighbours(Random& random, int exponent) {
   Neighbours out;
@@ -400,7 +400,8 @@ TEST(Orthonormal, IsARotationWithinItsBoundAndKeepsTheBitsOfOne) {
         moved += change * change;
       }
     EXPECT_LE(left, 0x1p-40);
-    // The most that a point at distance 1 can move is the norm of the change: by a power step on its square, at most its Frobenius norm.
+    // The most that a point at distance 1 can move is the norm of the change: by a power step on
+    // its square, at most its Frobenius norm.
     std::array<double, 3> x{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
     double most = 0;
     for (int step = 0; step < 40; ++step) {

@@ -31,8 +31,8 @@ long double point_triangle(const Vec& p, const LongTriangle& t) {
                    test::point_segment(p, t[1], t[2]), test::point_segment(p, t[2], t[0])});
 }
 
-/// Every extreme point of the intersection of two triangles of small integers is one of these, and all are in it:
-/// corners in the other, edges through the other's plane, edges through edges.
+/// Every extreme point of the intersection of two triangles of small integers is one of these, and
+/// all are in it: corners in the other, edges through the other's plane, edges through edges.
 std::vector<Vec> candidates(const LongTriangle& a, const LongTriangle& b) {
   std::vector<Vec> points;
   const auto offer = [&](const Vec& p) {

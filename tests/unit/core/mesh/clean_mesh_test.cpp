@@ -376,7 +376,8 @@ TEST(CleanMesh, GivesSinglePointAtZeroASensibleCell) {
   EXPECT_EQ(clean(mesh).mesh.grid.exponent, kPointCellExponent);
 }
 
-// The lattice of a pair is as fine as the larger grid allows: a point must not count as metres wide.
+// The lattice of a pair is as fine as the larger grid allows: a point must not count as metres
+// wide.
 TEST(CleanMesh, GivesSinglePointNoRoomAroundIt) {
   const IndexedMesh at_zero{{{0, 0, 0}}, {{0, 0, 0}}}, elsewhere{{{1, 2, 3}}, {{0, 0, 0}}};
   EXPECT_EQ(clean(at_zero).mesh.grid.bits, kMinGridBits);

@@ -299,7 +299,8 @@ TEST(ImportMesh, ReadsUnusualNumbers) {
   EXPECT_EQ(mesh.positions_m.at(1), (Point{0, 0, 1e-310}));
 }
 
-/// While it lives the C library's decimal point is a comma, as in a host that speaks German; where the machine has such a locale.
+/// While it lives the C library's decimal point is a comma, as in a host that speaks German; where
+/// the machine has such a locale.
 class DecimalComma {
  public:
   DecimalComma() {

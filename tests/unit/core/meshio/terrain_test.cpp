@@ -603,7 +603,8 @@ TEST(Wgs84, SinesOfDegreesAreThoseOfTheLibraryWithinTwoUnits) {
   }
 }
 
-/// Independent of the formula: in ellipsoidal coordinates the point lies at that height on the normal.
+/// Independent of the formula: in ellipsoidal coordinates the point lies at that height on the
+/// normal.
 TEST(Wgs84, GeocentricPlacesLieOnTheNormalOfTheEllipsoid) {
   constexpr double kA = 6378137.0, kB = 6356752.314245179;
   for (const double latitude : {-90.0, -47.3, 0.0, 0.5, 34.2, 89.9})

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Coordinates are the file's, in metres, whatever the format: one tetrahedron, written by hand in each.
+// Coordinates are the file's, in metres, whatever the format: one tetrahedron, written by hand in
+// each.
 #include <gtest/gtest.h>
 
 #include <algorithm>

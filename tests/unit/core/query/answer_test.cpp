@@ -64,7 +64,8 @@ TriangleTree plate_at(std::int32_t height_cells) {
                               {{corner(-1, -1), corner(1, 1), corner(-1, 1)}, {{}, 1}}});
 }
 
-// Above a plate that turns slowly there is one, nearer than where a turn of 10^6 radians is known to.
+// Above a plate that turns slowly there is one, nearer than where a turn of 10^6 radians is known
+// to.
 TEST(Answer, TheSweepCountsWhatAPosesAgeRounds) {
   const TriangleTree below = plate_at(0), above = plate_at(20);
   const auto ahead = [&](double age_s) {

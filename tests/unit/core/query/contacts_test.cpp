@@ -429,7 +429,8 @@ TEST_F(ContactsOnPlane, OfATipAreAPoint) {
 TEST(Contacts, ThatLieApartAreTwoPatches) {
   const BakedModel plate = test::bake_mesh(test::make_plate(6, 0.5, 16), 16);
   const BakedModel torus = test::bake_mesh(test::make_torus(1.5, 0.4, 32, 16), 16);
-  // Standing upright through the plate's top and bottom: two places, each with a rim above and one below.
+  // Standing upright through the plate's top and bottom: two places, each with a rim above and one
+  // below.
   const Contacts contacts = contacts_of(plate, {}, torus, {{1, 0, 0, 0, 0, -1, 0, 1, 0}, {}});
   ASSERT_EQ(contacts.patches.size(), 4U);
   int up = 0;

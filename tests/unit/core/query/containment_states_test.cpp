@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Containment in every state of refinement: never wrong by the winding numbers of the full meshes, certified in the
-// end.
+// Containment in every state of refinement: never wrong by the winding numbers of the full meshes,
+// certified in the end.
 #include "fault_of.hpp"
 #include "half_spaces.hpp"
 #include "solids.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solid bodies: is one inside the other? F2 and F15 of the list of failures, and every state of refinement.
+// Solid bodies: is one inside the other? F2 and F15 of the list of failures, and every state of
+// refinement.
 #include "core/query/containment.hpp"
 
 #include "core/demand/collect.hpp"
@@ -125,8 +126,8 @@ TEST(Containment, EachMayHoldAPartOfTheOther) {
 }
 
 TEST(Containment, WhoeverHoldsAPartOfTheOtherIsToldToTheEnd) {
-  // A certified answer must not depend on what came first, so one inside found early does not settle the other
-  // question.
+  // A certified answer must not depend on what came first, so one inside found early does not
+  // settle the other question.
   IndexedMesh mesh = make_cube(2, 8);
   append(mesh, make_cube(0.25, 4), {10, 0, 0});
   const Solid one(mesh);
@@ -276,7 +277,8 @@ TEST(Locate, EveryPointOfAVoxelBlockInEveryQuarterTurn) {
     const test::Voxels voxels(3, random);
     const Solid solid(voxels.mesh());
     ASSERT_TRUE(check_solid(solid.model.header.surface, "voxels").is_ok());
-    // Points at whole, half and other numbers: on edges and walls of the lattice that are not walls of the surface.
+    // Points at whole, half and other numbers: on edges and walls of the lattice that are not walls
+    // of the surface.
     for (int x = 0; x <= 12; ++x)
       for (int y = 0; y <= 12; ++y)
         for (int z = 0; z <= 12; ++z) {
@@ -300,7 +302,8 @@ TEST(Locate, EveryPointOfAVoxelBlockInEveryQuarterTurn) {
 }
 
 TEST(Locate, EveryLatticePointAboutATurnedBlockOfFewCells) {
-  // On a lattice much coarser than the block's grid, rounding of corners moves walls by half a cell.
+  // On a lattice much coarser than the block's grid, rounding of corners moves walls by half a
+  // cell.
   Random random(4);
   std::size_t inside = 0, outside = 0;
   for (int round = 0; round < 40; ++round) {
@@ -337,7 +340,8 @@ TEST(Locate, EveryLatticePointAboutATurnedBlockOfFewCells) {
 }
 
 TEST(Containment, SeedsOnEveryLineOfTheOtherCube) {
-  // Rays from the small cube's corners run through corners and along edges of the large one's squares.
+  // Rays from the small cube's corners run through corners and along edges of the large one's
+  // squares.
   const Solid small(make_cube(2, 2)), large(make_cube(8, 8));
   for (const auto& turn : quarter_turns())
     for (const double x : {-4.0, 0.0, 5.0})

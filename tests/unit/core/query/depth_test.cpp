@@ -47,7 +47,8 @@ class DepthClaims {
     return query(full_a_.tree.view(), posed.a, full_b_.tree.view(), posed.b, {.any = true})
         .pair_total;
   }
-  /// The posed mesh of B as it is, moved by whole cells next to the point of the way: the claim is about a path within a cell.
+  /// The posed mesh of B as it is, moved by whole cells next to the point of the way: the claim is
+  /// about a path within a cell.
   [[nodiscard]] bool touches_near(double way_m, const Point& direction) const {
     for (int corner = 0; corner < 8; ++corner) {
       PosedPair moved = posed_;
@@ -127,8 +128,8 @@ class FullScene {
   Contacts contacts_;
 };
 
-// Of two small faces above a plate one touches it until step 36, the other from 32 to 56. At 9e8 m doubles are 64 steps apart: moved by 37
-// steps there, B is where step 64 would have it.
+// Of two small faces above a plate one touches it until step 36, the other from 32 to 56. At 9e8 m
+// doubles are 64 steps apart: moved by 37 steps there, B is where step 64 would have it.
 TEST(Depth, HoldsWhereDoublesAreCoarserThanTheLattice) {
   const Grid grid{.exponent = -27, .bits = 21};
   const std::int32_t plate = 1 << 20;
@@ -177,7 +178,8 @@ TEST(Depth, IsThatOfTheDirectionAskedFor) {
 }
 
 TEST(Depth, ASolidIsOutOnlyWhenNothingIsInside) {
-  // A small ball through the wall of a large one: inwards its surface is soon clear, but it is inside then.
+  // A small ball through the wall of a large one: inwards its surface is soon clear, but it is
+  // inside then.
   test::ContactScene scene = test::sphere_in_plane();
   scene.a = test::bake_mesh(generate_sphere(48, 0), 16);
   IndexedMesh small = generate_sphere(24, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever a host has set in the processor, the core's answers are the same to the last bit, nothing traps, and the host
-// finds its settings again.
+// Whatever a host has set in the processor, the core's answers are the same to the last bit,
+// nothing traps, and the host finds its settings again.
 #include "host_floats.hpp"
 
 #include <bit>
@@ -76,8 +76,8 @@ TEST_P(HostFloats, LeaveAnswersAsTheyAre) {
   expect_same_under_all_floats([&] {
     Seen seen;
     for (const auto& pair : motions) {
-      const Motion& one =
-          pair.first;  // clang 14 does not let a lambda have what is bound by structure
+      // Clang 14 does not let a lambda have what is bound by structure.
+      const Motion& one = pair.first;
       const Motion& two = pair.second;
       const Pose later = pose_at(one, 0.3);
       seen.add(later);

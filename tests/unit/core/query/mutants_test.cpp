@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Model files of which a bit was changed and every hash made right again: what a publisher would serve who is wrong, or
-// lies. A certified answer about one must be that of its own full mesh.
+// Model files of which a bit was changed and every hash made right again: what a publisher would
+// serve who is wrong, or lies. A certified answer about one must be that of its own full mesh.
 
 #include <cstdio>
 #include <cstdlib>
@@ -41,7 +41,8 @@ std::vector<Pose> poses() {
   return all;
 }
 
-/// What a publisher of the file sends for these nodes; false where it cannot, or the peer does not believe it.
+/// What a publisher of the file sends for these nodes; false where it cannot, or the peer does not
+/// believe it.
 bool fetch(ModelFile& file, const std::vector<NodeSpan>& missing, Replica& replica) {
   if (missing.empty()) return true;
   RegionRequest request{.attach = missing};

@@ -43,7 +43,8 @@ class ObstaclesOfNodes : public test::ModelPair {
 };
 INSTANTIATE_TEST_SUITE_P(Models, ObstaclesOfNodes, test::model_pairs(), test::name_of_pair);
 
-// What obstacles say of a node is what a look ahead sees of it; they are found in larger steps, and may say more.
+// What obstacles say of a node is what a look ahead sees of it; they are found in larger steps, and
+// may say more.
 TEST_P(ObstaclesOfNodes, ANodeThatLacksHasSome) {
   Random random(5);
   int with = 0, without = 0;

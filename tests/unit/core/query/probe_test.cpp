@@ -292,7 +292,8 @@ TEST_P(ProbedModel, BoxesAreNeverWrongAndEndAsTheFullMesh) {
     const auto needs = probe(held.view(), pose, boxes, answers);
     ASSERT_TRUE(needs.is_ok()) << needs.status().message();
     ASSERT_TRUE(probe(full.view(), pose, boxes, truth).is_ok());
-    // Of a vertex well inside a box, or a body well outside of it, the box's answer is known without any of this.
+    // Of a vertex well inside a box, or a body well outside of it, the box's answer is known
+    // without any of this.
     const PosedFaces faces(model_, pose);
     const double cell = std::ldexp(1.0, faces.frame.lattice_exp);
     for (std::size_t i = 0; i < boxes.size(); ++i) {
@@ -341,7 +342,7 @@ TEST_P(ProbedModel, BoxesAreNeverWrongAndEndAsTheFullMesh) {
   }
 }
 
-// ---- points ---------------------------------------------------------------------------------------
+// ---- points -------------------------------------------------------------------------------------
 
 TEST(PointProbe, EndsAsTheWindingNumberOverAllFacesInEveryState) {
   std::size_t inside = 0, on = 0, open = 0;
@@ -403,7 +404,7 @@ TEST(PointProbe, EndsAsTheWindingNumberOverAllFacesInEveryState) {
   EXPECT_GT(open, 50U);
 }
 
-// ---- what is known in closed form -----------------------------------------------------------------
+// ---- what is known in closed form ---------------------------------------------------------------
 
 TEST(RayProbe, HeightsAboveACube) {
   const BakedModel cube = test::bake_mesh(test::make_cube(1, 4), 16);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was free and has moved little is answered without the trees: as they would answer, and with bounds that hold.
+// What was free and has moved little is answered without the trees: as they would answer, and with
+// bounds that hold.
 #include <gtest/gtest.h>
 
 #include "core/geometry/motion_bounds.hpp"
@@ -18,7 +19,8 @@ std::array<double, 9> turned_about(Random& random, const std::array<double, 9>& 
   return pose_at(motion, rad).rotation;
 }
 
-/// A little farther, or turned, or both; `size` metres and, at a reach of `reach_m`, radians that take as far.
+/// A little farther, or turned, or both; `size` metres and, at a reach of `reach_m`, radians that
+/// take as far.
 Pose a_little_moved(Random& random, const Pose& pose, double size_m, double reach_m) {
   Pose out = pose;
   const std::uint32_t kind = random.below(3);
@@ -137,7 +139,8 @@ TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
   EXPECT_GT(counts.left, counts.kept);
 }
 
-// Between exact faces it is all the same whose axis shows the gap; boxes of unresolved nodes are parted along axes that turn with a body.
+// Between exact faces it is all the same whose axis shows the gap; boxes of unresolved nodes are
+// parted along axes that turn with a body.
 TEST(StillFree, OnlyWhereNodesAreUnresolvedTheLargerBodyTellsLess) {
   const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
   const HeldPair pair(terrain, aircraft);

@@ -17,7 +17,8 @@ struct Motions {
   Motion a, b;
 };
 
-/// At some instant of the second to come (or before, or after), a vertex of b is near one of a; both move and turn.
+/// At some instant of the second to come (or before, or after), a vertex of b is near one of a;
+/// both move and turn.
 Motions random_motions(Random& random, const BakedModel& a, const BakedModel& b) {
   const double size = std::min(test::radius_m(a), test::radius_m(b));
   const auto vector = [&](double length) {
@@ -160,7 +161,8 @@ TEST_P(SweepPair, RefiningWhatIsMissingNarrowsToTheAnswerOfTheWholeMeshes) {
       if (answer.exhausted) break;
       EXPECT_LE(answer.hit_s, hit_s);
       hit_s = answer.hit_s;
-      // From one round to the next it may fall: a child's quantised box can reach beyond its parent's.
+      // From one round to the next it may fall: a child's quantised box can reach beyond its
+      // parent's.
       longest_free_s = std::max(longest_free_s, answer.free_until_s);
       EXPECT_TRUE(std::is_sorted(answer.missing_a.begin(), answer.missing_a.end()));
       EXPECT_TRUE(std::is_sorted(answer.missing_b.begin(), answer.missing_b.end()));

@@ -191,7 +191,8 @@ TEST(Sweep, BothMayTurn) {
   const Motion own{.pose = {.rotation = other.pose.rotation}, .angular_velocity_radps = {0, 0, 1}};
   const SweptAnswer answer = swept(rod.view(), own, rod.view(), other, {.duration_s = 2});
   ASSERT_EQ(answer.status, AnswerStatus::kContact);
-  // Mirror images about x = 4.5: contact when the tips reach it, at cos(angle to x) = 4.5 / 5, up to the thickness.
+  // Mirror images about x = 4.5: contact when the tips reach it, at cos(angle to x) = 4.5 / 5, up
+  // to the thickness.
   const double meets = quarter - std::acos(0.9);
   EXPECT_NEAR(answer.hit_s, meets, 0.01);
   EXPECT_LE(answer.free_until_s, meets);
@@ -277,7 +278,8 @@ TEST(Sweep, AOneCellGapIsFreeHoweverFastTheSlide) {
 }
 
 TEST(Sweep, ContactThatOnlyRoundingMakesIsNotOverlooked) {
-  // A corner slides along a slope, a third of a lattice cell above it: posed corners touch at some instants.
+  // A corner slides along a slope, a third of a lattice cell above it: posed corners touch at some
+  // instants.
   const TriangleTree plate = make_plate(8, 1, 0.375);
   const TriangleTree corner = build_triangle_tree(
       kGrid, {{{at_m({0, 0, 0}), at_m({0, 0, 1}), at_m({0.5, 0, 1})}, {{}, 0}}});

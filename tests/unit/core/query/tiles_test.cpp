@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh in tiles of one lattice is the mesh: its seams are closed in every pose, and what touches the tiles is what touches
-// the mesh, each face once.
+// A mesh in tiles of one lattice is the mesh: its seams are closed in every pose, and what touches
+// the tiles is what touches the mesh, each face once.
 #include <map>
 
 #include "brute_force.hpp"
@@ -61,7 +61,8 @@ Pose random_pose(Random& random, int kind) {
   return pose;
 }
 
-/// So that the object's origin comes to where the body's point is, and the object is turned some way.
+/// So that the object's origin comes to where the body's point is, and the object is turned some
+/// way.
 Pose object_at(Random& random, const Pose& body, const std::array<double, 3>& point, double off) {
   Pose pose{test::random_rotation(random), body.translation_m};
   for (std::size_t k = 0; k < 3; ++k) {

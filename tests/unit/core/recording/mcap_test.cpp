@@ -180,7 +180,8 @@ TEST_F(McapRecording, AChangedByteIsNoticedOrChangesNothing) {
   const Told was = told_by(*RecordingReader::open(path("s.db3")).value());
   std::string bytes = bytes_of("s.mcap");
   std::size_t noticed = 0;
-  // From behind the metadata, which have no checksum in this format, to the end of the chunk of messages.
+  // From behind the metadata, which have no checksum in this format, to the end of the chunk of
+  // messages.
   const std::size_t begin = bytes.find("nearmesh tables");
   const std::size_t end = std::min(bytes.size(), begin + 6'000);
   for (std::size_t at = begin; at < end; at += 97) {

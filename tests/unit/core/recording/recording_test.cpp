@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file of a recording: what is written is read; what was committed outlives kills, full disks and foreign readers.
+// The file of a recording: what is written is read; what was committed outlives kills, full disks
+// and foreign readers.
 #include "nearmesh/core/recording/recording.hpp"
 
 #include <gtest/gtest.h>
@@ -238,7 +239,8 @@ TEST_F(Recording, PartsAreReadAsOne) {
   EXPECT_EQ(RecordingReader::open(path("s_1.db3")).status().code(), StatusCode::kInvalidArgument);
 }
 
-// Nothing follows it: a recorder that is killed while it begins a part leaves a database without tables.
+// Nothing follows it: a recorder that is killed while it begins a part leaves a database without
+// tables.
 TEST_F(Recording, APartThatWasNeverBegunIsTheEnd) {
   record_parts(path(), 2);
   std::ofstream(path("s_2.db3"));
@@ -420,7 +422,8 @@ TEST_F(Recording, MessagesOfNoBytesAreRead) {
 }
 
 TEST_F(Recording, KeysNameTheirMessages) {
-  // Of each part: every third message of "one", the others but a fifth of "two", by two writers in turn.
+  // Of each part: every third message of "one", the others but a fifth of "two", by two writers in
+  // turn.
   const auto name_of = [](std::uint64_t i) { return i % 5 == 0 ? "" : i % 3 == 0 ? "one" : "two"; };
   std::uint64_t next = 1;
   for (std::uint32_t part = 0; part < 2; ++part) {
@@ -517,7 +520,8 @@ TEST_F(Recording, IsReadWhileItGrows) {
   EXPECT_EQ(count_right(*open(path())), 2100U);
 }
 
-// A reader that opens while a new writer's first message is committed sees both of them, or neither.
+// A reader that opens while a new writer's first message is committed sees both of them, or
+// neither.
 TEST_F(Recording, OpensAtOneMomentOfAGrowingFile) {
   std::unique_ptr<RecordingWriter> writer = start(path(), 0, 0);  // each message is committed
   std::atomic<bool> done = false;
@@ -593,7 +597,8 @@ TEST_F(Recording, WhatIsNoRecordingIsRefused) {
   EXPECT_EQ(RecordingReader::open(path()).status().code(), StatusCode::kUnsupported);
 }
 
-// The limit on a file's size stands for the full disk: the same refusal in the same places, and every test may set it.
+// The limit on a file's size stands for the full disk: the same refusal in the same places, and
+// every test may set it.
 TEST_F(Recording, FullDiskKeepsWhatWasCommitted) {
   for (const std::size_t limit : {300'000U, 1'000'000U, 5'000'000U}) {
     SCOPED_TRACE(limit);

@@ -86,9 +86,10 @@ TEST_P(ApplyBatchTo, StateIsClosedUnderParentsWhateverIsLost) {
   }
 }
 
-// ---- half-spaces ----------------------------------------------------------------------------------
+// ---- half-spaces --------------------------------------------------------------------------------
 
-/// The model in batches with half-spaces, by several answers that go ever deeper: so that nodes get some and lose them.
+/// The model in batches with half-spaces, by several answers that go ever deeper: so that nodes get
+/// some and lose them.
 std::vector<SplitBatch> batches_with_half_spaces(const BakedModel& model, std::uint64_t seed) {
   const test::TrueHalfSpaces truth(model.store);
   Random random(seed);
@@ -193,7 +194,8 @@ TEST(ApplyBatch, AHalfSpaceOfASplitNodeDoesNotCount) {
   EXPECT_EQ(replica.mesh().state_hash(), before);
 }
 
-/// One code short of the truth, of each node that a batch makes, in some directions: how many are refused, if the rest follows.
+/// One code short of the truth, of each node that a batch makes, in some directions: how many are
+/// refused, if the rest follows.
 TEST(ApplyBatch, FalseHalfSpacesAreFoundByWhatIsKnownOfTheirNodeOrComes) {
   const BakedModel model = test::bake_named("aircraft");
   const test::TrueHalfSpaces truth(model.store);
@@ -288,7 +290,8 @@ TEST(ApplyBatch, ParksWhatHasNoParentYet) {
 }
 
 TEST(ApplyBatch, ForestDeeperThanTheLimitIsRefused) {
-  // Ever the same node less its last vertex, without boxes: the worst that a hostile publisher can make walks climb.
+  // Ever the same node less its last vertex, without boxes: the worst that a hostile publisher can
+  // make walks climb.
   SpmHeader header;
   header.grid.bits = 4;
   header.vertex_count = kMaxForestDepth + 100;
@@ -446,8 +449,8 @@ TEST(RefinedMesh, MovedReplicaWorksOn) {
   EXPECT_EQ(second.mesh().split_count(), model.header.split_count());
 }
 
-// The box of a node that is not split leaves out corners, known here, of faces with their other corner in it; nothing that comes
-// with it says so.
+// The box of a node that is not split leaves out corners, known here, of faces with their other
+// corner in it; nothing that comes with it says so.
 TEST(ApplyBatch, FindsAFaceThatIsKnownInPartOutsideTheBoxOfItsOtherCornersNode) {
   const BakedModel model = test::bake_mesh(generate_sphere(24, 0), 16);
   ActiveMesh half(model.store);

@@ -8,7 +8,8 @@ namespace {
 
 const auto kKnowsAll = [](NodeSpan) { return Status::ok(); };
 
-/// Two answers: the larger half of all nodes, and the rest. Nodes where the first is cut come with a box of their own.
+/// Two answers: the larger half of all nodes, and the rest. Nodes where the first is cut come with
+/// a box of their own.
 std::vector<SplitBatch> decoded_batches(const BakedModel& model, std::size_t max_bytes,
                                         bool with_half_spaces = false) {
   const test::TrueHalfSpaces truth(model.store);
@@ -57,7 +58,8 @@ Replica made_from(const BakedModel& model, const HeldNodes& held) {
   return replica;
 }
 
-// Also in the midst of an answer, where nodes that the next batch splits came without a box of their own.
+// Also in the midst of an answer, where nodes that the next batch splits came without a box of
+// their own.
 TEST(HeldNodes, MakeTheSameReplicaWhichGoesOnAlike) {
   std::size_t with_box = 0, without_box = 0, with_half_spaces = 0;
   for (std::size_t i = 0; i < 2 * test::mesh_names().size(); ++i) {

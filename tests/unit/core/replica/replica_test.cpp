@@ -194,8 +194,8 @@ TEST(Replica, StartsFromAHeaderFromOutside) {
 
 // ---- what arrives, against the boxes ------------------------------------------------------------
 
-/// Two roots: [0, 4) in a box of 10 cells around (20, 20, 20), [4, 6) in one of 100 around (30, 20, 20). Vertex 5 lies at
-/// `far` cells on x.
+/// Two roots: [0, 4) in a box of 10 cells around (20, 20, 20), [4, 6) in one of 100 around (30, 20,
+/// 20). Vertex 5 lies at `far` cells on x.
 struct TwoRoots {
   explicit TwoRoots(std::int32_t far) {
     header.vertex_count = 6;
@@ -271,7 +271,8 @@ TEST(Replica, RefusesAFaceOfAKnownVertexOutsideABox) {
   model.expect_refused("a face lies outside a box that must enclose it");
 }
 
-/// The face is exact when its last corner comes, which nothing else holds against the box of its slot.
+/// The face is exact when its last corner comes, which nothing else holds against the box of its
+/// slot.
 TEST(Replica, RefusesAnExactFaceOutsideTheBoxOfItsSlot) {
   TwoRoots(50).expect_refused("node [0, 4): a face lies outside the box that came for it");
 }
@@ -280,8 +281,8 @@ TEST(Replica, RefusesAnExactFaceOutsideTheBoxOfItsSlot) {
 
 constexpr std::uint64_t kLiar = 7, kHonest = 8;
 
-/// A model whose largest root has several blocks, its file, and batches of it in one of which a face of a split with `turned_` is
-/// turned round.
+/// A model whose largest root has several blocks, its file, and batches of it in one of which a
+/// face of a split with `turned_` is turned round.
 class ReplicaAudit : public testing::Test {
  protected:
   BakedModel model_ = test::bake_mesh(test::make_mesh("terrain"), 4);
@@ -362,7 +363,8 @@ TEST_F(ReplicaAudit, NamesWhoLiedWhoeverProves) {
   EXPECT_FALSE(replica_.distrusts(kHonest));
 }
 
-// A publisher that is started anew is another one: in weeks there are more than can be told apart at a time.
+// A publisher that is started anew is another one: in weeks there are more than can be told apart
+// at a time.
 TEST_F(ReplicaAudit, NamesWhoLiedAfterManyPublishersThatAreGone) {
   SplitBatch first = told(false);
   first.splits.resize(1);
@@ -401,7 +403,8 @@ TEST_F(ReplicaAudit, BlamesTheTellerOfASplitNotOfItsParent) {
   expect_forgotten(audit(turned_, kHonest), kLiar);
 }
 
-// Who proves nothing may have told more than what is here: splits that wait for their parents, and half-spaces.
+// Who proves nothing may have told more than what is here: splits that wait for their parents, and
+// half-spaces.
 TEST_F(ReplicaAudit, OfWhomNothingIsProvedNothingIsLeft) {
   SplitBatch waits = told(true), first = told(false);
   first.splits.resize(1);

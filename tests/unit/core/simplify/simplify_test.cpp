@@ -264,7 +264,8 @@ GridMesh many(std::uint32_t count, const GridMesh& one) {
   return with_face_ids(std::move(mesh));
 }
 
-/// A tangle in which `hubs` vertices have `faces` each, every one with an edge of a path through random places.
+/// A tangle in which `hubs` vertices have `faces` each, every one with an edge of a path through
+/// random places.
 GridMesh tangled_hubs(std::uint32_t hubs, std::uint32_t faces) {
   GridMesh mesh;
   Random random(13);
@@ -576,7 +577,7 @@ TEST(Simplify, ReportsProgressInOrderAndSeldom) {
   EXPECT_GE(shares.size(), 50U);
 }
 
-// ---- meshes large enough to be simplified cell by cell first -------------------------------------
+// ---- meshes large enough to be simplified cell by cell first ------------------------------------
 
 CollapseLog run_on(const GridMesh& mesh, std::uint32_t base_faces, unsigned threads) {
   return simplify(mesh, {.base_faces = base_faces, .threads = threads});

@@ -46,7 +46,8 @@ std::uint64_t get(BitReader& in, const Field& field) {
   return field.bits == 64 ? in.get64() : in.get(field.bits);
 }
 
-// Both readers over the same bytes, in fields of random widths, from a random bit on to beyond the end.
+// Both readers over the same bytes, in fields of random widths, from a random bit on to beyond the
+// end.
 TEST(WindowReader, ReadsWhatABitReaderReads) {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);

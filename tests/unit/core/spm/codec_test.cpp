@@ -136,7 +136,8 @@ TEST(CodecBatches, EachDecodesAlone) {
   EXPECT_EQ(splits, expected);
 }
 
-// A peer's store has boxes only where what it was sent was cut. What it passes on may be cut elsewhere.
+// A peer's store has boxes only where what it was sent was cut. What it passes on may be cut
+// elsewhere.
 TEST(CodecBatches, ComeFromAPartOfTheModelToo) {
   const BakedModel model = test::bake_named("terrain");
   Random random(16);
@@ -211,7 +212,7 @@ TEST(MakeTables, LeavesOutWhatAPeerSeldomMeets) {
   EXPECT_EQ(length(record::kFaceCount, 1), 3);
 }
 
-// ---- half-spaces ----------------------------------------------------------------------------------
+// ---- half-spaces --------------------------------------------------------------------------------
 
 TEST_P(Codec, HalfSpacesGoWithTheirNodesAndOnTheirOwn) {
   const BakedModel model = test::bake_named(GetParam());
@@ -375,8 +376,8 @@ TEST(CodecBatches, SplitTooLargeForADatagramStandsAlone) {
 constexpr BoxCode kWholeGrid{kMaxExtentCode, kMaxExtentCode, kMaxExtentCode,
                              kMaxExtentCode, kMaxExtentCode, kMaxExtentCode};
 
-/// A forest of one root of `size` vertices beside `others` single ones, split at random down to the leaves, with any
-/// faces and places: what no simplifier makes.
+/// A forest of one root of `size` vertices beside `others` single ones, split at random down to the
+/// leaves, with any faces and places: what no simplifier makes.
 struct AnyModel {
   SpmHeader header;
   std::unique_ptr<SplitStore> store;
@@ -402,7 +403,8 @@ AnyModel make_any_model(Random& random, std::uint32_t size, std::uint32_t others
     for (SplitFace& face : faces) {
       face.left = {node.begin() + random.below(record.left().size)};
       face.right = {record.split.value + random.below(record.right().size)};
-      // Few different corners and often the same slot: guesses come true, lists run over, owners change.
+      // Few different corners and often the same slot: guesses come true, lists run over, owners
+      // change.
       const std::uint32_t away = random.below(model.header.vertex_count - node.size);
       const std::uint32_t near = random.below(2) == 0 ? away & ~255U : away % 8;
       face.outside = {near < node.begin() ? near : (away < node.begin() ? away : away + node.size)};
@@ -461,8 +463,8 @@ TEST(CodecBatches, LargeNodesDecodeToThemselves) {
   expect_any_round_trip(model, std::size_t{1} << 31);
 }
 
-// The bytes of a model that depends on nothing but this file and the codec. Where this fails the format has changed: raise
-// the versions (spm_format.md, section 12) and then this number.
+// The bytes of a model that depends on nothing but this file and the codec. Where this fails the
+// format has changed: raise the versions (spm_format.md, section 12) and then this number.
 TEST(CodecBatches, BytesAreThoseOfThisVersion) {
   Random random(32);
   const AnyModel model = make_any_model(random, 700, 400);

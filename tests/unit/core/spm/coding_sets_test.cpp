@@ -43,7 +43,8 @@ TEST(CodedBits, AreThoseOfTheRecordsOfABatch) {
     const auto batches =
         encode_batches(header, model.store, treelet, BoxPolicy::kCutNodes, 1 << 20);
     ASSERT_EQ(batches.size(), 1U);
-    // The head names a handful of attach nodes; long shapes and many faces have further bits, which no table changes.
+    // The head names a handful of attach nodes; long shapes and many faces have further bits, which
+    // no table changes.
     const double bytes = static_cast<double>(coded_bits(counts, tables)) / 8;
     EXPECT_NEAR(static_cast<double>(batches.front().size()), bytes, 0.05 * bytes);
     EXPECT_GE(static_cast<double>(batches.front().size()), bytes);

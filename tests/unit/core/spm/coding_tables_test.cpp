@@ -32,7 +32,8 @@ TEST(HuffmanTable, EveryCodeDecodesToItsSymbol) {
   }
 }
 
-/// By the next kFastCodeBits bits: every code of no more bits but the escape, and nothing else; with the bits that follow.
+/// By the next kFastCodeBits bits: every code of no more bits but the escape, and nothing else;
+/// with the bits that follow.
 TEST(CodingTables, FastTableHoldsTheShortCodesAndNothingElse) {
   Random random(1);
   std::vector<HuffmanTable> contexts;

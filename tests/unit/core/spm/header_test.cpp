@@ -120,7 +120,8 @@ TEST(DecodeHeader, RefusesOriginsThatAreNoPlace) {
     header.grid.origin_m[1] = origin_m;
     EXPECT_FALSE(decode_header(encode_header(header)).is_ok());
   }
-  // The origin stands after magic number, blocks' root, exponent, bits and shifts: a flag, and how many bits it has.
+  // The origin stands after magic number, blocks' root, exponent, bits and shifts: a flag, and how
+  // many bits it has.
   header.grid.origin_m = {};
   auto bytes = encode_header(header);
   constexpr std::size_t kOrigin = 32 + 128 + 14 + 6 + 15;

@@ -380,7 +380,7 @@ TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
   EXPECT_EXIT(open_in_4_gib(), ::testing::ExitedWithCode(0), "");
 }
 
-// ---- a file that changes while it is open --------------------------------------------------------
+// ---- a file that changes while it is open -------------------------------------------------------
 
 /// Other content, of another length.
 std::vector<std::uint8_t> other_file() {
@@ -422,7 +422,8 @@ TEST(ModelFile, RefusesWhatWasCutOffAfterItWasOpened) {
   }
 }
 
-/// However much of another file was written over it: what is read is the mesh that was opened, or nothing.
+/// However much of another file was written over it: what is read is the mesh that was opened, or
+/// nothing.
 TEST(ModelFile, NeverMixesWithWhatWasWrittenOverIt) {
   const auto bytes = small_file(), other = other_file();
   const TempFile original;

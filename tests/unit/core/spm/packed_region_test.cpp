@@ -81,7 +81,8 @@ TEST(PackedRegion, CoversWhatWasPackedAndLittleMore) {
   }
 }
 
-// Along its normal a slab gains no more than a 255th of its box; what of it is beyond box and radius is cut.
+// Along its normal a slab gains no more than a 255th of its box; what of it is beyond box and
+// radius is cut.
 TEST(PackedRegion, HoldsSlabsTightly) {
   Random random(42);
   int tight = 0;

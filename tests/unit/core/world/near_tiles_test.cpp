@@ -66,7 +66,8 @@ struct TiledGround {
       }
   }
 
-  /// The least of how far the boxes in a page are apart from a body, and of those below which it may meet.
+  /// The least of how far the boxes in a page are apart from a body, and of those below which it
+  /// may meet.
   [[nodiscard]] double apart_m(const WorldPage& page, const RelativeFrame& body_in_world,
                                const GridBox& body) const {
     double least_m = std::numeric_limits<double>::infinity();
@@ -173,7 +174,8 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
   EXPECT_GT(whole, 100U);
 }
 
-// Of a pose from the bus that makes the body smaller, as far as one may: what is told of the rest is told of the smaller body.
+// Of a pose from the bus that makes the body smaller, as far as one may: what is told of the rest
+// is told of the smaller body.
 TEST(FindTilesAround, TheRestIsSoFarInAPoseThatShrinks) {
   constexpr double kShrink = 1 - 4.99e-6, kFar_m = 4096;
   const WorldRecord world{

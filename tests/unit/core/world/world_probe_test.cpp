@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probes of a world on disk, held against all faces of its tiles, and against the one mesh that was cut.
+// Probes of a world on disk, held against all faces of its tiles, and against the one mesh that was
+// cut.
 #include "nearmesh/core/world/world_probe.hpp"
 
 #include <filesystem>

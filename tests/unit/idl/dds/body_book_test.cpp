@@ -50,7 +50,8 @@ TEST(BodyBook, NobodyFillsIt) {
   }
 }
 
-// In weeks an identity has many more bodies than at a time. Names of those that are gone stay its own, until it needs their room.
+// In weeks an identity has many more bodies than at a time. Names of those that are gone stay its
+// own, until it needs their room.
 TEST(BodyBook, BodiesThatAreGoneMakeRoomForThoseOfTheirOwner) {
   const BodyBook::Handle one = writer_of(1, 1), other = writer_of(2, 1);
   BodyBook book(true);

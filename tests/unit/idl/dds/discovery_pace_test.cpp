@@ -39,7 +39,8 @@ class DiscoveryPaceTest : public testing::Test {
     told.places[told.place_count++] = where;
     pace.expect(key, told);
   }
-  /// How many of the same word, each 10 ms, go there. Out: the longest time without one in `longest_s`.
+  /// How many of the same word, each 10 ms, go there. Out: the longest time without one in
+  /// `longest_s`.
   int count_of(const DiscoveryWord& word, const RtpsPlace& where, double from_s, double to_s) {
     int count = 0;
     double last_s = from_s;
@@ -98,7 +99,8 @@ TEST_F(DiscoveryPaceTest, ConfirmedIsSaidSeldom) {
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 6), place(1), 40));  // more
 }
 
-// A busy machine answers each reminder that it still lacks what is on its way: that must not bring the next one.
+// A busy machine answers each reminder that it still lacks what is on its way: that must not bring
+// the next one.
 TEST_F(DiscoveryPaceTest, WhoStillLacksSomethingIsNotRemindedSooner) {
   meet(kNeighbour, place(1));
   int reminders = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Want of memory in threads of ours: what was to be done is done once there is memory again, and it is said.
+// Want of memory in threads of ours: what was to be done is done once there is memory again, and it
+// is said.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -47,8 +48,8 @@ bool is_refused() {
 namespace nearmesh::wire {
 namespace {
 
-/// Calls `step` in a world of its own each time, with its first allocation refused, then its second, until it needs no more.
-/// `check` is called in those where one was refused. Out: how many.
+/// Calls `step` in a world of its own each time, with its first allocation refused, then its
+/// second, until it needs no more. `check` is called in those where one was refused. Out: how many.
 template <class World, class Step, class Check>
 int refuse_each(Step step, Check check) {
   for (int refused = 0;; ++refused) {
@@ -77,7 +78,8 @@ bool comes(Condition condition) {
   return true;
 }
 
-/// No thread but this one gets memory, for so long, and until one has asked for some. `look` is called at the end of it.
+/// No thread but this one gets memory, for so long, and until one has asked for some. `look` is
+/// called at the end of it.
 template <class Look>
 void starve_others(std::chrono::milliseconds time, Look look) {
   is_tester = true;

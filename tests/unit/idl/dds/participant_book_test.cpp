@@ -147,7 +147,8 @@ TEST_F(ParticipantBookTest, TwoHundredMayComeAtOnce) {
     EXPECT_TRUE(hears(announcement_of(number))) << number;
 }
 
-/// A flood of invented participants while a hundred honest ones join, who announce themselves each second.
+/// A flood of invented participants while a hundred honest ones join, who announce themselves each
+/// second.
 TEST_F(ParticipantBookTest, FloodDelaysHonestJoinersAndRefusesNone) {
   std::uint32_t invented = 1'000'000;
   std::vector<bool> in(100);

@@ -64,7 +64,8 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
 TEST(Payload, WhatAReportSaysOfAWorldIsReadAsItWasWrittenOrNotAtAll) {
   ContactReport sent = test::valid_report();
   sent.world = {.reach_cells = 5, .tiles = {{true, 1, 2, 3}, {}}, .missing_pages = {{5, 6}}};
-  // With 12 octets of tiles and 16 of a page at the end, before them three numbers and the sequence's own count.
+  // With 12 octets of tiles and 16 of a page at the end, before them three numbers and the
+  // sequence's own count.
   const std::vector<std::uint8_t> whole = encode_payload(sent);
   const std::size_t begin = whole.size() - 31;
   ASSERT_EQ(whole[begin + 1], 5);

@@ -10,7 +10,8 @@ using wire::Interface;
 
 namespace {
 
-// That stops and addresses are noticed is tested where there are some (integration/dds_channel_test.cpp, network/rejoin_test.cpp).
+// That stops and addresses are noticed is tested where there are some
+// (integration/dds_channel_test.cpp, network/rejoin_test.cpp).
 TEST(RejoinWatch, SaysItOnceMoreWhereJoiningAnewFailed) {
   wire::Mailbox mailbox;
   wire::TransportOptions options;
@@ -62,7 +63,8 @@ Interface at(Interface interface, const char* address) {
   return interface;
 }
 
-/// What is news to who first joined with some interfaces and later with others: "name address", or nothing.
+/// What is news to who first joined with some interfaces and later with others: "name address", or
+/// nothing.
 std::string news(const std::string& wanted, const std::vector<std::vector<Interface>>& joined,
                  const std::vector<Interface>& now) {
   wire::NetworkMemory memory(wanted);

@@ -58,7 +58,8 @@ TEST(Routes, WhatAStrangerWantsInAPeersNameDisplacesNothing) {
   EXPECT_FALSE(routes.gets_near_poses(near_of(3), peer));
 }
 
-// Movers come and go for weeks: what is wanted of one that comes then goes to nobody else all the same.
+// Movers come and go for weeks: what is wanted of one that comes then goes to nobody else all the
+// same.
 TEST(Routes, WhoComesAfterManyThatAreGoneIsFound) {
   Routes routes(kPeer);
   const auto there = participant(1), gone = participant(2);

@@ -566,8 +566,8 @@ TEST(RtpsCheck, BigEndianIsReadToo) {
   EXPECT_EQ(reason(m.bytes), "sequence");
 }
 
-/// Each prefix is a message by itself or is refused; none reads beyond its end (address sanitizer), and none passes that ends
-/// inside a submessage.
+/// Each prefix is a message by itself or is refused; none reads beyond its end (address sanitizer),
+/// and none passes that ends inside a submessage.
 TEST(RtpsCheck, RefusesEveryMessageThatWasCut) {
   Rtps m = message();
   m.to(nearmesh::test::key_of(2)).announcement().heartbeat(1, 9).gap(3, 5, 8).ack_nack(1, 200);

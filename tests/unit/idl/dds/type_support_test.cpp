@@ -370,7 +370,8 @@ TEST(TypeSupport, GivenBytesGoOutAsTheyAre) {
   raw.delete_made(data);
 }
 
-/// The same with every Fast DDS: numbers as they are, what may be longer than 16 bytes hashed, both big-endian.
+/// The same with every Fast DDS: numbers as they are, what may be longer than 16 bytes hashed, both
+/// big-endian.
 TEST(TypeSupport, KeysAreOnesOwnBytes) {
   const auto key_of = []<class Message>(const Message& message) {
     TypeOf<Message> type;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What holds at a moment of a recording, against a scan from its begin; and recordings that cannot be played.
+// What holds at a moment of a recording, against a scan from its begin; and recordings that cannot
+// be played.
 #include "publisher/replay/replay_index.hpp"
 
 #include <filesystem>

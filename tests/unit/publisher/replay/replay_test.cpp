@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recorded flights played to live peers on a memory bus: every answer is held against the full meshes.
+// Recorded flights played to live peers on a memory bus: every answer is held against the full
+// meshes.
 #include "publisher/replay/replay.hpp"
 
 #include <ctime>
@@ -74,7 +75,8 @@ TEST_F(ReplayTest, LivePeerIsAnsweredWithWhatWasDelivered) {
   EXPECT_TRUE(play.world.complaints.empty()) << play.world.complaints.front();
 }
 
-// Batches are taken in while it plays; a live peer that asks before that is answered after it, as well as ever.
+// Batches are taken in while it plays; a live peer that asks before that is answered after it, as
+// well as ever.
 TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
   write_session_hour(file.path(), {.length_s = 100, .rate_hz = 1, .terrain_cells = 32});
   const auto recording = RecordingReader::open(file.path()).value();
@@ -189,7 +191,8 @@ TEST_F(ReplayTest, WhatWasNotRecordedStaysUncertain) {
   play.play_to(length_s, live.get());
   EXPECT_GT(open, 20U);
   EXPECT_EQ(play.world.judge.contact, 0U);
-  // Each request is answered, with nothing, and not more often than need be; once that regions are to be asked for.
+  // Each request is answered, with nothing, and not more often than need be; once that regions are
+  // to be asked for.
   ASSERT_GT(play.outlet.answers.size(), 1U);
   EXPECT_TRUE(play.outlet.answers.front().wants_regions);
   for (std::size_t i = 1; i < play.outlet.answers.size(); ++i) {
@@ -201,7 +204,8 @@ TEST_F(ReplayTest, WhatWasNotRecordedStaysUncertain) {
   EXPECT_LT(play.outlet.answers.size(), 2 * (length_s / 0.1 + 1));
 }
 
-// With the models' files new trajectories get certified answers where no recorded peer was sent anything.
+// With the models' files new trajectories get certified answers where no recorded peer was sent
+// anything.
 TEST_F(ReplayTest, FilesOfTheModelsAnswerWhatWasNotRecorded) {
   const double length_s = record_flight(file.path(), {.batches = false});
   const std::filesystem::path folder = file.path() + ".models";
@@ -320,7 +324,8 @@ TEST_F(ReplayTest, SeeksAndLoopsWhereAFaultySampleHasAKey) {
 
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
 
-/// Everything that a peer with the base mesh alone may be sent at `end`, and the state that it makes.
+/// Everything that a peer with the base mesh alone may be sent at `end`, and the state that it
+/// makes.
 std::uint64_t state_of_answer(publisher::RecordedDetail& detail, const SpmHeader& header,
                               std::int64_t end) {
   RegionRequest request;
@@ -431,7 +436,8 @@ TEST_F(ReplayTest, SeeksAnywhereInAnHourInUnderASecond) {
     const std::uint64_t state =
         state_of_answer(index->details().begin()->second, header, replay.playhead().next_id());
     EXPECT_LT(std::clock() - begun, CLOCKS_PER_SEC) << "to " << time_s;
-    // Twenty-two latched: header, hello, ten poses and directories; at the very begin none is played yet.
+    // Twenty-two latched: header, hello, ten poses and directories; at the very begin none is
+    // played yet.
     EXPECT_EQ(outlet.latched.size(), time_s > 0 ? 22U : 0U);
     EXPECT_EQ(state == RefinedMesh(header).mesh().state_hash(), time_s == 0) << time_s;
   }

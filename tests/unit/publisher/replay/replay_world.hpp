@@ -90,8 +90,8 @@ struct KeyedBytes {
   std::vector<std::uint8_t> cdr;
 };
 
-/// One each second, by a writer for each topic. A recorder of today gives no key to what does not decode; one of another build,
-/// and damage, may leave it.
+/// One each second, by a writer for each topic. A recorder of today gives no key to what does not
+/// decode; one of another build, and damage, may leave it.
 inline void record_bytes(const std::string& path, const std::vector<KeyedBytes>& samples) {
   const wire::TopicNames names("recorded");
   const auto file =

@@ -19,7 +19,8 @@ class OpenChecked : public ::testing::Test {
   void SetUp() override { file_.write(test::write_model(test::bake_named("terrain"))->read()); }
   void TearDown() override { fs::remove(verdict()); }
   [[nodiscard]] std::string verdict() const { return file_.path() + ".checked"; }
-  /// Of the block of the lowest level that has a shrunken box, so that only a look at all of it tells; every hash right.
+  /// Of the block of the lowest level that has a shrunken box, so that only a look at all of it
+  /// tells; every hash right.
   void shrink_a_box() {
     file_layout::Preamble preamble;
     const auto good = file_.read();
@@ -59,8 +60,8 @@ TEST_F(OpenChecked, LeavesItsVerdictBesideTheFileAndTrustsIt) {
 TEST_F(OpenChecked, RefusesAModelWhoseBoxesLeaveOutAFaceThoughAllHashesAreRight) {
   ASSERT_TRUE(open_checked(file_.path()).is_ok());
   shrink_a_box();
-  const Result<ModelFile> refused =
-      open_checked(file_.path());  // a verdict is there, of another content
+  // A verdict is there, of another content.
+  const Result<ModelFile> refused = open_checked(file_.path());
   ASSERT_FALSE(refused.is_ok());
   EXPECT_EQ(refused.status().code(), StatusCode::kCorrupt);
   EXPECT_NE(refused.status().message().find(file_.path()), std::string::npos);

@@ -16,8 +16,8 @@ using publisher::PacingOptions;
 
 constexpr std::size_t kBatch = 1384;
 
-// A link with a rate, a delay each way and an endless queue, in simulated time. What is lost arrives after a repair, and holds
-// up what follows, as a reliable stream has it.
+// A link with a rate, a delay each way and an endless queue, in simulated time. What is lost
+// arrives after a repair, and holds up what follows, as a reliable stream has it.
 class Path {
  public:
   Path(double rate_bytes_per_s, double one_way_s, double loss = 0)

@@ -469,7 +469,8 @@ TEST(Service, RefusesMalformedRequests) {
 TEST(Service, RefusesAttachNodeThatIsNoNode) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
-  // The two halves of the first root's first split, shifted by one: an interval that no tree node has.
+  // The two halves of the first root's first split, shifted by one: an interval that no tree node
+  // has.
   const NodeSpan root = desk.model.header.roots[0].node;
   ASSERT_GT(root.size, 4U);
   subscription.region.attach = {{{root.begin() + 1}, root.size - 1}};
@@ -498,7 +499,8 @@ TEST(Service, RefusalsOfOnePeerAreOneLineInAWhile) {
   EXPECT_NE(later[0].find("(and 49 before it)"), std::string::npos) << later[0];
 }
 
-// A model whose answers have no end, and count what is made of them: 'A' for the peer that asks for all, 'B' for the other.
+// A model whose answers have no end, and count what is made of them: 'A' for the peer that asks for
+// all, 'B' for the other.
 struct Endless {
   static constexpr ContentHash kHash{0, 77};
   static constexpr std::size_t kPartBytes = 4000;
@@ -545,7 +547,8 @@ TEST(Service, FloodOfRequestsCostsTheOthersOneTurn) {
   EXPECT_EQ(desk.service.stats().requests, 3030U);
 }
 
-// An answer in many short parts, as a certificate is, waits for one long part of another peer's, not for one at each of its own.
+// An answer in many short parts, as a certificate is, waits for one long part of another peer's,
+// not for one at each of its own.
 TEST(Service, ManyShortPartsWaitForOneLongPart) {
   Desk desk;
   constexpr ContentHash kShort{0, 78};
@@ -573,7 +576,8 @@ TEST(Service, ManyShortPartsWaitForOneLongPart) {
   }
 }
 
-// Who asked for nothing for long has saved nothing up: it does not keep the others waiting for as long.
+// Who asked for nothing for long has saved nothing up: it does not keep the others waiting for as
+// long.
 TEST(Service, WhoWaitedForNothingHasNoMoreThanTheOthers) {
   Desk desk;
   Endless endless(desk);
@@ -673,7 +677,8 @@ wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::S
 /// What a split that is told costs, and what is charged for it (service.cpp).
 constexpr double kTold_s = 0.8e-6, kCharged_s = 2e-6;
 
-// To make a mirror of a peer's word takes long, and the word may be false: a peer that says it again and again waits for its turn.
+// To make a mirror of a peer's word takes long, and the word may be false: a peer that says it
+// again and again waits for its turn.
 TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
   Desk desk;
   const wire::RegionSubscription lie = telling(desk, 0, kPeer, false);
@@ -787,7 +792,8 @@ TEST(Service, WhoSaysThatItHoldsMuchCostsTheOthersOneTurn) {
   }
 }
 
-// What comes by regions is not on its mirror, so it says what it holds with each request for a certificate.
+// What comes by regions is not on its mirror, so it says what it holds with each request for a
+// certificate.
 TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
   Desk desk;
   const BakedModel model = test::bake_mesh(generate_terrain(144, 7), 16);
@@ -837,7 +843,8 @@ TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
   }
 }
 
-// A request for one model replaces what waits of a certificate for it. Of its other model the peer waits for the end.
+// A request for one model replaces what waits of a certificate for it. Of its other model the peer
+// waits for the end.
 TEST(Service, ACertificateEndsThoughWhatWaitedOfItWasReplaced) {
   Desk desk;
   const BakedModel model = test::bake_mesh(generate_terrain(64, 7), 32);  // the same ground
@@ -913,7 +920,8 @@ TEST(Service, OneStepEndsThoughThereIsMoreToDo) {
   EXPECT_TRUE(desk.service.is_behind());
 }
 
-// Where each answer is begun but long in coming, only some are under way; none is left out for good.
+// Where each answer is begun but long in coming, only some are under way; none is left out for
+// good.
 TEST(Service, FewAnswersAreCollectedAtATime) {
   Desk desk;
   int under_way = 0, most = 0, answered = 0;
@@ -937,7 +945,8 @@ TEST(Service, FewAnswersAreCollectedAtATime) {
   EXPECT_EQ(most, 8);
 }
 
-// A place among those that collect is given up in the end, though the peer takes nothing and its queue is full of what is urgent.
+// A place among those that collect is given up in the end, though the peer takes nothing and its
+// queue is full of what is urgent.
 TEST(Service, WhoTakesNothingHoldsUpNobodysCollecting) {
   Desk desk;
   constexpr wire::SessionId kStalled = 8;

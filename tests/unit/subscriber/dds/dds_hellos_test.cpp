@@ -17,7 +17,8 @@ DdsHellos::Heard hello_of(wire::SessionId publisher, std::uint8_t by) {
   return {{.publisher = publisher}, writer(by), 1};
 }
 
-// As where its network comes and goes: by the time that the others miss its first self its second one is gone, too.
+// As where its network comes and goes: by the time that the others miss its first self its second
+// one is gone, too.
 TEST(DdsHellos, OfAPublisherThatJoinedAnewTwiceTheOneThatIsThereIsHeard) {
   wire::Mailbox mailbox;
   DdsHellos hellos(mailbox, "hello");

@@ -13,7 +13,8 @@ wire::Handle writer(std::uint8_t identity, std::uint8_t participant) {
   return handle;
 }
 
-// Bodies come and go for weeks: each is told of, moved once, and either removed or lost with its program.
+// Bodies come and go for weeks: each is told of, moved once, and either removed or lost with its
+// program.
 TEST(DdsPoses, OnASecuredBusAnIdentityThatHasMovedMoreBodiesThanAreKeptIsHeard) {
   for (const bool is_removed : {true, false}) {
     wire::Mailbox mailbox;
@@ -57,7 +58,8 @@ wire::BodyDirectory directory_of(std::uint32_t number, double max_speed_mps = 0)
   return directory;
 }
 
-// What is said of bodies comes by other ways than who they are, and of those that are gone nobody tells any more.
+// What is said of bodies comes by other ways than who they are, and of those that are gone nobody
+// tells any more.
 TEST(DdsPoses, SamplesOfBodiesThatAreGoneLeaveRoomForThoseThatWait) {
   wire::Mailbox mailbox;
   DdsPoses poses(mailbox, "body_poses", false);
@@ -93,7 +95,8 @@ TEST(DdsPoses, SamplesOfOneThatTellsOfNoBodiesLeaveThoseOfOthers) {
   EXPECT_EQ(poses.take({}, false).size(), 1U);
 }
 
-// Robots, numbers of samples and promises are told apart by the session: what is said in its name would stand among its own.
+// Robots, numbers of samples and promises are told apart by the session: what is said in its name
+// would stand among its own.
 TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
   wire::Mailbox mailbox;
   DdsPoses poses(mailbox, "body_poses", false);
@@ -114,7 +117,8 @@ TEST(DdsPoses, WhatAStrangerSaysInTheNameOfAPeerThatIsThereDoesNotCount) {
   ASSERT_EQ(lines.size(), 1U);
   EXPECT_NE(lines[0].find("in the name of peer " + wire::partition_of(7)), std::string::npos)
       << lines[0];
-  // It may be the peer itself, which joined anew: heard once its old self is missed, and not before.
+  // It may be the peer itself, which joined anew: heard once its old self is missed, and not
+  // before.
   poses.take_directories({{mover, 1, wire::Mover::kLeft}}, {}, false);
   const std::vector<wire::BodyPose> after = poses.take({}, false);
   ASSERT_EQ(after.size(), 1U);
@@ -142,7 +146,8 @@ std::map<std::string, wire::Mover> changes_of(DdsPoses& poses) {
   return inbox.movers;
 }
 
-// Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or its lease had ended.
+// Fast DDS does not send again what a reader has had of a writer, whether that only fell silent or
+// its lease had ended.
 TEST(DdsPoses, WhoSpeaksAgainNeedNotTellAnewOfItsBodies) {
   wire::Mailbox mailbox;
   DdsPoses poses(mailbox, "body_poses", false);
@@ -214,7 +219,8 @@ TEST(DdsPoses, SessionsThatSpeakThroughOneParticipantAreToldApart) {
   EXPECT_TRUE(poses.take_movers().empty());
 }
 
-// Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who left is taken to be there.
+// Bodies come and go while a host takes nothing: what is told of them stays bounded, and nobody who
+// left is taken to be there.
 TEST(DdsPoses, AHostThatTakesNothingForLongIsToldOfAllThatAreThere) {
   wire::Mailbox mailbox;
   DdsPoses poses(mailbox, "body_poses", false);

@@ -16,8 +16,8 @@ namespace {
 
 constexpr wire::SessionId kLiar = kPublisher + 1;
 
-/// The model, but for one face turned round in a share of the splits: a lie that no box speaks against, and that changes no
-/// answer of these flights.
+/// The model, but for one face turned round in a share of the splits: a lie that no box speaks
+/// against, and that changes no answer of these flights.
 SplitStore turned(const BakedModel& model, double share, std::uint64_t seed) {
   SplitStore lie(model.header);
   Random random(seed);
@@ -140,7 +140,8 @@ TEST_F(Audit, FindsWhoLiesInOnePercentOfWhatItSends) {
     return said.find("audit of the block") != std::string::npos;
   })) << "in the status too";
   std::printf("found by audit %llu\n", static_cast<unsigned long long>(audits_of_ground()));
-  // Nobody else is there: nothing is certified about the ground any more. One that tells the truth is asked then.
+  // Nobody else is there: nothing is certified about the ground any more. One that tells the truth
+  // is asked then.
   world.start_publisher();
   EXPECT_EQ(world.fly(*session, make_flight(2)), 40U);
 }

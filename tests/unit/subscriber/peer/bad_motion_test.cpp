@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad numbers at the doors of a session: the host's call, a sample of another peer. Each is refused with the body named, and nobody else's answer changes by a bit.
+// Bad numbers at the doors of a session: the host's call, a sample of another peer. Each is refused
+// with the body named, and nobody else's answer changes by a bit.
 #include "bad_motions.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 #include "world.hpp"
@@ -21,7 +22,8 @@ using test::kOne;
 using test::kTwo;
 using test::World;
 
-/// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer holds.
+/// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer
+/// holds.
 const subscriber::SessionOptions kOptions{.request_timeout_s = 60};
 
 /// Two worlds alike; bad numbers reach only one of them.
@@ -118,7 +120,8 @@ TEST_F(BadNumbers, OnTheWireAreRefusedAndChangeNoAnswer) {
 TEST_F(BadNumbers, DenormalsAreSmallNumbers) {
   start(true);
   fly(0, true);
-  // A translation of 5e-324 m is less than any cell: the posed integers, hence all answers, are those of zero.
+  // A translation of 5e-324 m is less than any cell: the posed integers, hence all answers, are
+  // those of zero.
   Motion rest{.pose = flight_.one[1].pose}, still = rest;
   rest.pose.translation_m = {0, 0, 100};
   still.pose.translation_m = {kDenormal, -kDenormal, 100};

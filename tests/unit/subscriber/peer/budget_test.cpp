@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whom an update asks within its budget, and what is said of the others. No test but one depends on how long anything takes: a
-// budget of 0 asks one pair, an infinite one all.
+// Whom an update asks within its budget, and what is said of the others. No test but one depends on
+// how long anything takes: a budget of 0 asks one pair, an infinite one all.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -120,7 +120,8 @@ TEST(Budget, NoPairStarves) {
   EXPECT_LE(longest, 28 + 16 + 2);
 }
 
-// A pair that was cheap and takes many budgets now. Its time is the machine's, so in some rounds it may be asked at once.
+// A pair that was cheap and takes many budgets now. Its time is the machine's, so in some rounds it
+// may be asked at once.
 TEST(Budget, WhatTakesLongerThanExpectedIsCutShortOnceAndThenAskedToItsEnd) {
   SessionOptions options = kAsksAll;
   options.contacts = options.depth = true;
@@ -155,7 +156,8 @@ TEST(Budget, WhatTakesLongerThanExpectedIsCutShortOnceAndThenAskedToItsEnd) {
 }
 
 TEST(Budget, WhoMayTouchSoonestIsAskedFirst) {
-  // One in the middle, the others around it; the nearer, the sooner, and at last another one comes fast.
+  // One in the middle, the others around it; the nearer, the sooner, and at last another one comes
+  // fast.
   Squadron squadron(5, kAsksAll);
   for (std::size_t i = 1; i < 5; ++i) {
     squadron.motions[i].motion.pose.translation_m[0] =
@@ -261,7 +263,8 @@ TEST(Budget, AnswersThatWereAskedAreThoseOfASessionWithoutOne) {
   EXPECT_GT(compared, 400);
 }
 
-// What is left of an answer is true of the poses of now, wherever the bodies went meanwhile: also of one that is carried off.
+// What is left of an answer is true of the poses of now, wherever the bodies went meanwhile: also
+// of one that is carried off.
 TEST(Budget, WhatIsLeftOfTheLastAnswerHolds) {
   Squadron hurried(5), patient(5, {.lookahead_s = 0, .clearance = Clearance::kExact});
   Random random(9);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a session has a publisher choose what certifies its answers, and what it does where that publisher cannot.
+// How a session has a publisher choose what certifies its answers, and what it does where that
+// publisher cannot.
 #include "core/certificate/mirror.hpp"
 #include "core/certificate/spare_splits.hpp"
 #include "core/demand/answer.hpp"
@@ -64,7 +65,8 @@ TEST(Certificates, OneRequestCertifiesAllPairsOfAFrame) {
   EXPECT_EQ(desk.asked_regions(), 0U);
 }
 
-// A request has room for 16 models. Of 30 that lie in a heap, the pairs behind the first that has no place may need no other.
+// A request has room for 16 models. Of 30 that lie in a heap, the pairs behind the first that has
+// no place may need no other.
 TEST(Certificates, PairsWhoseModelsAreAskedForGoAlong) {
   constexpr std::size_t kBodies = 30;
   test::MemoryBus bus;

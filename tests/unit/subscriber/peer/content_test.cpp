@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whose content a peer answers about: when publishers disagree, when it is pinned, and whose headers count.
+// Whose content a peer answers about: when publishers disagree, when it is pinned, and whose
+// headers count.
 
 #include <set>
 
@@ -15,7 +16,8 @@ constexpr wire::SessionId kRival = kPublisher + 1, kStranger = 0xdead;
 
 ContentHash content_of(const ServedModel& served) { return served.open().content_hash(); }
 
-/// Flights one after the other, frames waited for; every answer is judged, and must name what it is about.
+/// Flights one after the other, frames waited for; every answer is judged, and must name what it is
+/// about.
 class Content : public testing::Test {
  protected:
   Content() {
@@ -119,7 +121,8 @@ TEST_F(Content, ReplacedContentIsGivenUpAtOnceAndLoudly) {
   const auto last = std::find_if(world.bus.reports.rbegin(), world.bus.reports.rend(),
                                  [](const auto& report) { return report.body_a == "ground"; });
   EXPECT_EQ(last->a.content_hash, content_of(other_terrain()));
-  // A late joiner takes what replaces, whoever it hears first; and the end of the old one is no news.
+  // A late joiner takes what replaces, whoever it hears first; and the end of the old one is no
+  // news.
   const auto late = world.make_peer(quick_options(), kPeer + 1);
   EXPECT_EQ(world.fly(*late, make_flight(9), 0, 10), 10U);
   world.stop_publisher();
@@ -299,7 +302,8 @@ TEST_F(Content, HeaderOfWhoeverServesNothingDoesNotCount) {
   world.start_publisher();
   const auto session = world.make_peer();
   static_cast<void>(world.round(*session));
-  // All that lies below the ground's roots is said to lie nowhere: what is missing would meet nothing.
+  // All that lies below the ground's roots is said to lie nowhere: what is missing would meet
+  // nothing.
   SpmHeader header = terrain().model.header;
   for (BaseRoot& root : header.roots) root.box = {};
   const wire::MeshHeader lie{

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Digests of a frame: equal for peers that know the same, whatever the order in which they came to know it.
+// Digests of a frame: equal for peers that know the same, whatever the order in which they came to
+// know it.
 #include "world.hpp"
 
 namespace nearmesh {
@@ -11,7 +12,8 @@ std::vector<Session::OwnMotion> motions_at(const Flight& flight, std::size_t fra
   return {{kOne, flight.one[frame]}, {kTwo, flight.two[frame]}};
 }
 
-// A first peer flies and is served; what it was sent then goes to two others, to each in its own order, with gaps.
+// A first peer flies and is served; what it was sent then goes to two others, to each in its own
+// order, with gaps.
 class FrameDigests : public ::testing::Test {
  protected:
   void SetUp() override {

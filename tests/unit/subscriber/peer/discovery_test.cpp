@@ -94,7 +94,8 @@ TEST_F(Discovery, ABodyThatIsRemovedGoesAndOneWhoseMoverLeftStaysUnknown) {
   EXPECT_EQ(report.unknown_pairs, 0U);
 }
 
-// A host that took nothing for long is told of all bodies that are there, not of each that came and went.
+// A host that took nothing for long is told of all bodies that are there, not of each that came and
+// went.
 TEST_F(Discovery, ABodyThatIsNotAmongAllThatAreThereGoes) {
   world_.round(*one_, 1, {{test::kOne, flight_.one[0]}});
   world_.round(*two_, 1, {{test::kTwo, flight_.two[0]}});

@@ -56,7 +56,8 @@ TEST(HeldDetail, IsNotToldWhileBatchesWait) {
   const auto session = world.make_peer();
   const Flight flight = make_flight(1);
   EXPECT_EQ(world.fly(*session, flight, 0, 4), 4U);
-  // Five batches of the terrain at once, of which an update without a budget takes in one; that they are none is no matter.
+  // Five batches of the terrain at once, of which an update without a budget takes in one; that
+  // they are none is no matter.
   for (std::uint32_t i = 1; i <= 5; ++i)
     world.bus.inject(kPeer, {.publisher = kPublisher,
                              .content_hash = terrain().open().content_hash(),

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Robots: bodies whose poses count together. Whatever is lost or late, no frame of any peer has links of two instants.
+// Robots: bodies whose poses count together. Whatever is lost or late, no frame of any peer has
+// links of two instants.
 #include <cmath>
 #include <filesystem>
 #include <optional>
@@ -68,7 +69,8 @@ class Links : public ::testing::Test {
             static_cast<std::uint64_t>(motion->pose.translation_m[1]);
     return found;
   }
-  /// The looker's frame. Out: of which instant it has all links, never some of one and some of another; none where it has no pose of any.
+  /// The looker's frame. Out: of which instant it has all links, never some of one and some of
+  /// another; none where it has no pose of any.
   std::optional<std::uint64_t> look(std::uint64_t frame, std::size_t links) {
     world_.round(*looker_, frame);
     const auto found = instants();
@@ -144,7 +146,8 @@ TEST_F(Links, ATimeThatGoesBackIsTaken) {
   }
 }
 
-// The parts of a robot at rest are repeated together: of one by itself, and of one beside a body that is set down elsewhere now and then.
+// The parts of a robot at rest are repeated together: of one by itself, and of one beside a body
+// that is set down elsewhere now and then.
 TEST_F(Links, ARobotAtRestStaysKnown) {
   const std::vector<BodyId> links = add_links(10);
   ASSERT_TRUE(mover_->link_bodies(links).is_ok());
@@ -251,7 +254,8 @@ Pose after(const Pose& pose, const DhRow& row, double q_rad) {
   return next;
 }
 
-/// Joints of an instant, and the links' poses by them; the velocities hold so that none counts as at rest.
+/// Joints of an instant, and the links' poses by them; the velocities hold so that none counts as
+/// at rest.
 std::vector<Motion> ur5_at(std::uint64_t frame) {
   std::vector<Motion> links(std::size(kUr5Links));
   Pose pose;
@@ -410,7 +414,8 @@ TEST(LinksOfWeeks, NumbersOfSamplesBeginAnewWhereTheyEnd) {
   EXPECT_EQ(looker.seen_s(0), instant_s);
 }
 
-// Of each update one part was lost: what is left of both is no robot. Also where the numbers begin anew between a robot's parts.
+// Of each update one part was lost: what is left of both is no robot. Also where the numbers begin
+// anew between a robot's parts.
 TEST(LinksOfWeeks, TwoUpdatesOfOneTimeAreNotMixed) {
   for (const std::uint32_t first : {1U, 0xfffffffdU}) {
     LookerAtARobot looker;

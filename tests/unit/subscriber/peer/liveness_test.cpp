@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is asked is answered in the end, whatever others send: a request counts as answered by who was asked, and by nobody else.
+// What is asked is answered in the end, whatever others send: a request counts as answered by who
+// was asked, and by nobody else.
 
 #include <cmath>
 #include <thread>
@@ -29,8 +30,8 @@ wire::SplitBatchMessage from(wire::SessionId publisher, std::uint32_t request,
       .publisher = publisher, .content_hash = content, .request = request, .sequence = ++sequence};
 }
 
-// A large answer may need longer than the time-out. What both send meanwhile, for others' models here, must not have it begun anew at each in
-// turn for ever.
+// A large answer may need longer than the time-out. What both send meanwhile, for others' models
+// here, must not have it begun anew at each in turn for ever.
 TEST(Liveness, ALongAnswerIsNotBegunAnewForEverAtTwoBusyPublishers) {
   constexpr double kTimeout_s = 0.004;
   World world;
@@ -74,7 +75,8 @@ TEST(Liveness, ALongAnswerIsNotBegunAnewWithEachPublisherThatComes) {
   EXPECT_LE(static_cast<double>(session->stats().requests), most);
 }
 
-// Faster than they could be taken in, one an update: the peer neither waits for them, nor are they before what it asked for.
+// Faster than they could be taken in, one an update: the peer neither waits for them, nor are they
+// before what it asked for.
 TEST(Liveness, WhatNobodyAskedForKeepsNoAnswerWaiting) {
   World world;
   world.start_publisher();
@@ -188,7 +190,8 @@ TEST_F(OpenRequest, IsRefusedByWhoWasAskedAlone) {
   EXPECT_EQ(session->stats().requests, asked);
 }
 
-// Else who writes that an audit is answered, before its proof is here, has an honest publisher taken for a liar.
+// Else who writes that an audit is answered, before its proof is here, has an honest publisher
+// taken for a liar.
 TEST(Liveness, AnAuditIsAnsweredByWhoWasAskedAlone) {
   World world;
   world.start_publisher();
@@ -338,7 +341,8 @@ TEST(Liveness, AuditsThatATileDidNotProveCountWhenItComesBack) {
   while (visits < 8 && !is_found()) {
     ++visits;
     is_answered = false;
-    // Each split is as likely as any other, and roots are drawn with them: of few that are held one comes late.
+    // Each split is as likely as any other, and roots are drawn with them: of few that are held one
+    // comes late.
     for (int i = 0; i < 4000 && !is_answered && !is_found(); ++i) valley.round(valley.near);
     if (is_found()) break;
     ASSERT_TRUE(is_answered);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A host as its own unit test would make one: models from files, a channel without a network, a session.
+// A host as its own unit test would make one: models from files, a channel without a network, a
+// session.
 
 #include "judge.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"

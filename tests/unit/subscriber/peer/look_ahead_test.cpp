@@ -69,7 +69,8 @@ TEST(LookAhead, IsNotRepeatedInEachFrameWhereNothingIsLacking) {
   }
 }
 
-/// In how many frames of some flights, one update each, all was certified. No publisher serves both models of the pairs with the ground.
+/// In how many frames of some flights, one update each, all was certified. No publisher serves both
+/// models of the pairs with the ground.
 std::size_t certified_by_region(double lookahead_s) {
   std::size_t certified = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {

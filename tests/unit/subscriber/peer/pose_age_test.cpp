@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How old a pose may be that an answer rests on, by the exercise's clock; and who moves a body and is there no more.
+// How old a pose may be that an answer rests on, by the exercise's clock; and who moves a body and
+// is there no more.
 
 #include "local_host.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
@@ -104,7 +105,8 @@ TEST_F(MovedByAnother, WhatIsSilentIsUncertainUntilItGivesASignOfLife) {
   EXPECT_TRUE(is_sure(world_.round(*watcher_, 9), kOneTwo));
 }
 
-// A host that took nothing for long is told of all movers that are there, not of each that came and went.
+// A host that took nothing for long is told of all movers that are there, not of each that came and
+// went.
 TEST_F(MovedByAnother, WhoIsNotAmongAllMoversThatAreThereHasLeft) {
   join();
   ASSERT_TRUE(is_sure(fly(0, 10).back(), kOneTwo));
@@ -306,7 +308,8 @@ TEST_F(PoseOf, ASafeHorizonCountsFromThePose) {
   EXPECT_LE(at(11.5).safe_horizon_s, at_once_s - 1.5);
   // A pose of the future: it may have been as far off as that in the meantime.
   EXPECT_LE(at(9.5).safe_horizon_s, at_once_s - 0.5 + 1e-9);
-  // And it holds: what falls for so long after the frame touches nothing, a little longer and it does.
+  // And it holds: what falls for so long after the frame touches nothing, a little longer and it
+  // does.
   const PairAnswer answer = at(11.5);
   const auto touches = [&](double after_s) {
     return !host_->judge.touching(answer, {}, pose_at(falling, 1.5 + after_s)).empty();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bodies of others that are known by promises: what rests on them, when their full poses come, and what is refused.
+// Bodies of others that are known by promises: what rests on them, when their full poses come, and
+// what is refused.
 #include <map>
 
 #include "rounds.hpp"
@@ -199,7 +200,8 @@ TEST_F(Promises, AreNotBroken) {
   EXPECT_EQ(watch(92).free_by_bounds.pairs, 1U);
 }
 
-// A body that comes has a promise made of all of its part. Who has not heard that one rests on an earlier one.
+// A body that comes has a promise made of all of its part. Who has not heard that one rests on an
+// earlier one.
 TEST_F(Promises, AreNotBrokenByThoseThatFollow) {
   fly(0, flying({50'000, 0, 0}, {}, 0));
   Status status;
@@ -275,7 +277,8 @@ TEST_F(Promises, OfABodyThatIsRemovedSayNothingOfTheNextOfItsName) {
   EXPECT_EQ(report.answers.size(), 1U);
 }
 
-// A jump: here a body goes, and there another of its name comes, whose promise is heard before its poses.
+// A jump: here a body goes, and there another of its name comes, whose promise is heard before its
+// poses.
 TEST_F(Promises, ThePoseOfABodyThatIsRemovedIsNotThatOfTheNextOfItsName) {
   // Declared here, so the body stays the same whatever its mover has.
   ASSERT_TRUE(watcher_->add_body({.name = "far", .model = "aircraft"}).is_ok());

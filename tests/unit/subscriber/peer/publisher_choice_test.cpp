@@ -60,7 +60,8 @@ TEST(PublisherChoice, PublisherThatGoesMovesItsOwnPeersAlone) {
   }
 }
 
-// Peers of a hundred versions must agree with themselves, not with each other; but a figure in a log should mean something later.
+// Peers of a hundred versions must agree with themselves, not with each other; but a figure in a
+// log should mean something later.
 TEST(PublisherChoice, IsTheSameEverywhere) {
   EXPECT_EQ(preference(0xb1, 0xa1), 11248885029692542633U);
 }

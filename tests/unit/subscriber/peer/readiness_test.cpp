@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Readiness of bodies and regions; what teleports or spawns is uncertain until it is known, and never free before.
+// Readiness of bodies and regions; what teleports or spawns is uncertain until it is known, and
+// never free before.
 
 #include <limits>
 #include <set>
@@ -133,7 +134,8 @@ TEST(WaitReady, KeepsTheComplaintsOfAllUpdates) {
             std::string::npos);
 }
 
-// ---- teleport and spawn: the judge fails the test for every free answer that the full meshes contradict ----------------
+// ---- teleport and spawn -------------------------------------------------------------------------
+// The judge fails the test for every free answer that the full meshes contradict.
 
 TEST(Teleport, NextToAnotherBodyIsUncertainUntilKnown) {
   LocalHost host({.lookahead_s = 0});
@@ -206,7 +208,7 @@ TEST(Spawn, OfAModelThatNoBodyUsedSoFarWorksToo) {
   EXPECT_GT(host.settle(), 0);
 }
 
-// ---- regions -----------------------------------------------------------------------------------------------------------
+// ---- regions ------------------------------------------------------------------------------------
 
 TEST(RegionReadiness, IsResolvedWhereABodyIsAndNotElsewhere) {
   LocalHost host({.lookahead_s = 0});
@@ -247,8 +249,8 @@ TEST(RegionReadiness, IsResolvedWhereABodyIsAndNotElsewhere) {
 }
 
 TEST(RegionReadiness, ResolvedMeansThatEveryFaceThereIsHere) {
-  // Refined where an aircraft touches; then every face of the full mesh with a corner in a box that is said to be
-  // resolved must be exact.
+  // Refined where an aircraft touches; then every face of the full mesh with a corner in a box that
+  // is said to be resolved must be exact.
   const ServedModel &ground = terrain(), &plane = aircraft();
   LocalModel local(ground.model.store, ground.model.header.grid);
   LocalModel other(plane.model.store, plane.model.header.grid);

@@ -73,7 +73,8 @@ TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToASize) {
   EXPECT_TRUE(is_kept(replicas, 30));
 }
 
-// Other peers name models, and in weeks there are many of which no body is left: each costs time in every frame.
+// Other peers name models, and in weeks there are many of which no body is left: each costs time in
+// every frame.
 TEST(ReplicaSet, ModelsThatBodiesLeftMakeRoom) {
   ReplicaSet replicas;
   std::vector<std::string> complaints;
@@ -102,7 +103,8 @@ TEST(ReplicaSet, ModelsThatBodiesLeftMakeRoom) {
   EXPECT_TRUE(is_kept(replicas, 3)) << "its header, for a body that comes back";
 }
 
-// Weeks bring many contents that nobody serves any more: those that are there now shall find room, and the others stay as long as there is some.
+// Weeks bring many contents that nobody serves any more: those that are there now shall find room,
+// and the others stay as long as there is some.
 TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
   ReplicaSet replicas;
   std::vector<std::string> complaints;
@@ -125,7 +127,8 @@ TEST(ReplicaSet, HeadersOfContentsThatNobodyServesMakeRoom) {
   EXPECT_FALSE(is_kept(replicas, kLast + 4));  // all are served
 }
 
-// A tile is asked for until its header is here: with each round trip there would be one more line, for ever.
+// A tile is asked for until its header is here: with each round trip there would be one more line,
+// for ever.
 TEST(ReplicaSet, AHeaderOfATileThatCannotBeTakenIsComplainedOfOnce) {
   ReplicaSet replicas;
   std::vector<std::string> complaints;

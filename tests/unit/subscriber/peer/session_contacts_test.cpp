@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a solver gets of a session: contacts that keep their numbers from update to update, and how deep bodies are in each other.
+// What a solver gets of a session: contacts that keep their numbers from update to update, and how
+// deep bodies are in each other.
 
 #include <limits>
 #include <set>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Want of memory in any call of a session: it has changed nothing, or nothing is asked of the session any more.
+// Want of memory in any call of a session: it has changed nothing, or nothing is asked of the
+// session any more.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probes of a session's bodies: uncertain, asked for, then as of the full mesh. And what else a host hands in: poses that it heard, rotations of floats.
+// Probes of a session's bodies: uncertain, asked for, then as of the full mesh. And what else a
+// host hands in: poses that it heard, rotations of floats.
 
 #include <limits>
 
@@ -129,7 +130,7 @@ TEST(SessionProbe, BallsBoxesAndPointsToo) {
             StatusCode::kNotFound);
 }
 
-// ---- poses that the host heard --------------------------------------------------------------------
+// ---- poses that the host heard ------------------------------------------------------------------
 
 class HeardPoses : public ::testing::Test {
  protected:
@@ -215,7 +216,7 @@ TEST_F(HeardPoses, FromBeforeABodyWasPlacedDoNotMoveIt) {
   EXPECT_EQ(by_host.session->motion_of(kOne)->pose.translation_m, place.translation_m);
 }
 
-// ---- rotations of floats --------------------------------------------------------------------------
+// ---- rotations of floats ------------------------------------------------------------------------
 
 TEST(FloatRotations, AreTakenAsTheRotationNextToThem) {
   Random random(5);

@@ -37,7 +37,7 @@ std::string reason_of(const FrameReport& report, std::size_t pair) {
   return report.answers.at(pair).reason;
 }
 
-// ---- what a host gives ----------------------------------------------------------------------------
+// ---- what a host gives --------------------------------------------------------------------------
 
 TEST(Session, OptionsOutOfRangeAreRefusedByEachUpdateAndNamed) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -82,7 +82,7 @@ TEST(Session, ABudgetThatIsNoneIsRefusedAndChangesNothing) {
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
 }
 
-// ---- right answers under faults of the channel ----------------------------------------------------
+// ---- right answers under faults of the channel --------------------------------------------------
 
 TEST(Session, CertifiesAWholeFlight) {
   for (const double lookahead_s : {0.0, 0.5}) {
@@ -184,7 +184,7 @@ TEST(Session, MeasuresSequenceGaps) {
   EXPECT_EQ(session->stats().sequence_gaps, 3U);
 }
 
-// ---- who comes and goes ---------------------------------------------------------------------------
+// ---- who comes and goes -------------------------------------------------------------------------
 
 TEST(Session, LateJoinerCatchesUp) {
   World world;
@@ -386,7 +386,7 @@ TEST(Session, LateBatchesOfTheOldContentDoNoHarm) {
   EXPECT_EQ(world.complaints.size(), 1U);
 }
 
-// ---- what cannot be answered ------------------------------------------------------------------------
+// ---- what cannot be answered --------------------------------------------------------------------
 
 TEST(Session, SaysThatThereIsNoPublisher) {
   World world;
@@ -735,8 +735,8 @@ TEST(Session, TellsWhyARequestWasRefused) {
   EXPECT_EQ(session->stats().requests, requests + 2) << "a refusal is not asked for at once again";
 }
 
-// A large answer may need longer than the time-out. What the publisher sends meanwhile, for others' models here, must not have it begun anew for
-// ever.
+// A large answer may need longer than the time-out. What the publisher sends meanwhile, for others'
+// models here, must not have it begun anew for ever.
 TEST(Session, WaitsLongerEachTimeThoughThePublisherSendsSomethingElse) {
   constexpr double kTimeout_s = 0.004;
   World world;
@@ -907,7 +907,8 @@ TEST(Session, SafeHorizonHoldsForAHeadOnApproach) {
   World world;
   world.start_publisher();
   const auto session = world.make_peer();
-  // Nose to nose along x; the clearance is that of the noses, so the horizon is nearly the time of contact.
+  // Nose to nose along x; the clearance is that of the noses, so the horizon is nearly the time of
+  // contact.
   Motion one, two;
   two.pose.rotation = {-1, 0, 0, 0, -1, 0, 0, 0, 1};
   one.pose.translation_m = {0, 0, 9000};

@@ -169,7 +169,8 @@ TEST(SessionWorlds, AnswersAreThoseOfTheMeshThatWasCut) {
   EXPECT_GT(free, 10U);
 }
 
-// A tile's model begins at zero, and the poses of the world place the world's origin: the publisher is told where the tile is.
+// A tile's model begins at zero, and the poses of the world place the world's origin: the publisher
+// is told where the tile is.
 TEST(SessionWorlds, ThePublisherChoosesDetailOfTiles) {
   const CutTerrain terrain;
   Random random(21);

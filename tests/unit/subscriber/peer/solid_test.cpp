@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A session with solid bodies: what is under ground is contained, on any network, and for little detail.
+// A session with solid bodies: what is under ground is contained, on any network, and for little
+// detail.
 #include "solids.hpp"
 #include "world.hpp"
 

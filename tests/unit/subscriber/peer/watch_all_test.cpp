@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many bodies, all pairs of them: what is listed, what is free by bounds, what is unknown. nearmesh-soak-bounds holds what is free by
-// bounds against the full meshes.
+// Many bodies, all pairs of them: what is listed, what is free by bounds, what is unknown.
+// nearmesh-soak-bounds holds what is free by bounds against the full meshes.
 #include <atomic>
 #include <thread>
 
@@ -127,7 +127,8 @@ TEST(WatchAll, BodiesComeGoAndChangeBetweenUpdates) {
   EXPECT_GT(host.settle({{again, beside}}), 0);
   EXPECT_EQ(host.update().find(one, again)->answer.status, AnswerStatus::kContact);
 
-  // Another model in the same place: the ground's is far too large to be clear of the aircraft's box.
+  // Another model in the same place: the ground's is far too large to be clear of the aircraft's
+  // box.
   ASSERT_TRUE(host.session->replace_model(again, "spectre").is_ok());
   report = host.update();
   EXPECT_EQ(report.find(one, again), nullptr);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A crater at a time of the exercise: the world of the next epoch takes the place of the one before in the same frame of all peers.
+// A crater at a time of the exercise: the world of the next epoch takes the place of the one before
+// in the same frame of all peers.
 #include "cut_world.hpp"
 #include "memory_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -144,8 +145,9 @@ TEST_F(WorldEpochs, AllPeersChangeInTheFrameOfTheTimeAndHaveFetchedAhead) {
   }
 }
 
-// Pages and tiles are here from before: nothing but the record tells that all of them stand higher. The margin makes tiles near
-// while the ball is free of them, so there are answers to be kept: bodies rest, contents and detail are the same.
+// Pages and tiles are here from before: nothing but the record tells that all of them stand higher.
+// The margin makes tiles near while the ball is free of them, so there are answers to be kept:
+// bodies rest, contents and detail are the same.
 TEST_F(WorldEpochs, TilesThatStandElsewhereAreAskedAnew) {
   constexpr double kHigher_m = 1, kMargin_m = 2;
   const std::string folder = before_.folder + "_raised";

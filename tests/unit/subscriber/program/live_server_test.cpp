@@ -67,7 +67,8 @@ void send(LiveServer& server, const std::string& film, const std::string& text) 
   server.send([&](const auto& visit) { visit("world", film); }, text, [] { return false; });
 }
 
-// It has a part of a message: the next one it would read as the rest of that, and each would wait for it again.
+// It has a part of a message: the next one it would read as the rest of that, and each would wait
+// for it again.
 TEST(LiveServer, WhoDoesNotReadIsLeft) {
   const std::uint16_t port = free_port();
   const auto server = LiveServer::start("127.0.0.1:" + std::to_string(port), "page");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is shown in ROS 2 has the time of those who move: it goes on with the newest stamp, and begins anew where that does.
+// What is shown in ROS 2 has the time of those who move: it goes on with the newest stamp, and
+// begins anew where that does.
 #include <gtest/gtest.h>
 
 #include "subscriber/program/ros2_flight.hpp"

@@ -221,7 +221,8 @@ TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   }
 }
 
-// A quarter turn a frame, and half of one: by its sine the first would be a third too slow, and the second none.
+// A quarter turn a frame, and half of one: by its sine the first would be a third too slow, and the
+// second none.
 TEST(ReadScene, FastTurnsAreAsFastAsTheyAre) {
   constexpr double kQuarterTurn = 1.5707963267948966;
   Folder folder;
@@ -277,7 +278,8 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"budget_ms: 5", "any: perhaps", 11, "any: expected true or false"},
       {"budget_ms: 5", "max_pairs: -1", 11,
        "max_pairs: expected a whole number in [0, 1000000000000000], found -1"},
-      // cut off, they would mean something else: of 0.5 tests none is left, and 0 splits are no limit
+      // cut off, they would mean something else: of 0.5 tests none is left, and 0 splits are no
+      // limit
       {"budget_ms: 5", "max_pairs: 1.5", 11, "max_pairs: expected a whole number in"},
       {"budget_ms: 5", "max_tests: 0.5", 11, "max_tests: expected a whole number in"},
       {"budget_ms: 5", "max_sweep_tests: 1.5", 11, "max_sweep_tests: expected a whole number in"},

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbers of a film: poses come back as they were, to the last place that is told. And whose film it is.
+// The numbers of a film: poses come back as they were, to the last place that is told. And whose
+// film it is.
 #include "subscriber/recorded/film.hpp"
 #include "random_rotation.hpp"
 #include "session_file.hpp"
@@ -98,7 +99,8 @@ TEST(Film, TimeStaysWhereTheRecordersClockGoesBack) {
   EXPECT_EQ(steps_ms, (std::vector<std::uint64_t>{1000, 4000, 0, 1000}));
 }
 
-// Whoever writes batches names their partition, and in a page of HTML a peer's name stands within markup.
+// Whoever writes batches names their partition, and in a page of HTML a peer's name stands within
+// markup.
 TEST(Film, PartitionOfNobodyIsNoPeer) {
   const test::TempFile file(".db3");
   const wire::TopicNames names("recorded");

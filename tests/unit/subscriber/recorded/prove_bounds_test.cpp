@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sessions that watch all pairs are recorded, and what bounds proved free is proved again; what was forged, lost or said by strangers is
-// found out.
+// Sessions that watch all pairs are recorded, and what bounds proved free is proved again; what was
+// forged, lost or said by strangers is found out.
 #include "subscriber/recorded/prove_bounds.hpp"
 
 #include <algorithm>
@@ -72,7 +72,8 @@ class ProveBounds : public ::testing::Test {
     for (int k = 0; k < 9; ++k) add_body(peer, i);
     return peer;
   }
-  /// What the peers say of frames in which bodies fly, rest, jump, are not heard of for a while, come and go.
+  /// What the peers say of frames in which bodies fly, rest, jump, are not heard of for a while,
+  /// come and go.
   void fly(std::uint64_t frames, std::size_t count = kPeers) {
     std::vector<Peer> peers;
     for (std::size_t i = 0; i < count; ++i)
@@ -159,8 +160,9 @@ TEST_F(ProveBounds, AllThatPeersSayWhoHearEachOtherIsProved) {
   EXPECT_EQ(proof.unreported, 0U) << proof.first_unreported;
 }
 
-// A pair that bounds do not prove free and that nobody answered for must not be passed over.
-// Of a mover's bodies some may be known by samples of before a lost one, others by samples of after it: its last number does not tell.
+// A pair that bounds do not prove free and that nobody answered for must not be passed over. Of a
+// mover's bodies some may be known by samples of before a lost one, others by samples of after it:
+// its last number does not tell.
 TEST_F(ProveBounds, WhatRestsOnPosesBesideLostOnesIsProved) {
   world_.bus.on_poses = {.lose = 0.1};
   fly(60);
@@ -216,7 +218,8 @@ TEST_F(ProveBounds, NearPairsWithoutAReportAreFound) {
       report->time_s += 1;
   EXPECT_TRUE(is_one_frames(prove(moved)));
   EXPECT_EQ(prove(without([](const auto&) { return true; })).unreported, whole.near_pairs);
-  // Those of before a recorder came are not missed, and neither are those that end with the recording.
+  // Those of before a recorder came are not missed, and neither are those that end with the
+  // recording.
   KeptSamples late = without([&](const auto& report) { return report.frame < lost.frame; });
   EXPECT_GT(prove(late).unreported, 0U);
   EXPECT_EQ(prove(late, kFirst).unreported, 0U);
@@ -224,7 +227,8 @@ TEST_F(ProveBounds, NearPairsWithoutAReportAreFound) {
   EXPECT_EQ(prove(cut).unreported, 0U);
 }
 
-// Who could not ask says so, and that is a report; who claims something all the same has said nothing.
+// Who could not ask says so, and that is a report; who claims something all the same has said
+// nothing.
 TEST_F(ProveBounds, WhatClaimsWithoutAnAnswerIsNoReportOfANearPair) {
   fly(30, 1);
   const BoundsProof whole = prove(kept_);
@@ -425,7 +429,8 @@ TEST_F(ProveBounds, VerifyCountsThemApart) {
 }
 
 TEST_F(ProveBounds, WhatASessionSaysDoesNotDependOnWhatWasBefore) {
-  // One has flown, had bodies that went, and other orders; both end with the same bodies in the same places.
+  // One has flown, had bodies that went, and other orders; both end with the same bodies in the
+  // same places.
   std::vector<Motion> last;
   for (int i = 0; i < 8; ++i) last.push_back(anywhere());
   const auto end_of = [&](bool has_flown) {
@@ -566,7 +571,8 @@ TEST_F(ProveRobots, WhatThePeerHeardInPartIsProved) {
   EXPECT_EQ(proof.proved, proof.reports) << reasons_of(proof);
 }
 
-// Two updates of one time, of both parts; who had heard three of the four samples rested on the first update.
+// Two updates of one time, of both parts; who had heard three of the four samples rested on the
+// first update.
 TEST(LinksOfRecordings, OfTwoUpdatesOfOneTimeAreNotMixed) {
   subscriber::PoseSamples samples(1);
   for (std::uint32_t sequence = 1; sequence <= 4; ++sequence) {
@@ -581,7 +587,8 @@ TEST(LinksOfRecordings, OfTwoUpdatesOfOneTimeAreNotMixed) {
     EXPECT_TRUE(found.is_of(1 + number / wire::kBodiesPerPart)) << number;
 }
 
-// The last whole instant is looked for once, not for each link again: of the most that a robot may have that took 256 times as long.
+// The last whole instant is looked for once, not for each link again: of the most that a robot may
+// have that took 256 times as long.
 TEST_F(ProveRobots, ManyLinksAreProvedInLittleTime) {
   fly_robot(wire::kMaxLinks, 70);
   const std::clock_t begun = std::clock();  // processor time: others may hold up this process
@@ -704,7 +711,8 @@ TEST_F(ProvePromises, AllThatPeersSayOfOwnPairsIsProved) {
   EXPECT_EQ(proof.unreported, 0U) << proof.first_unreported;
 }
 
-/// As sessions number them that have said so much before: what follows the highest is 1 again. 0 is no number.
+/// As sessions number them that have said so much before: what follows the highest is 1 again. 0 is
+/// no number.
 std::uint32_t number_after(std::uint32_t sequence, std::uint32_t before) {
   if (sequence == 0) return 0;
   constexpr std::uint64_t kNumbers = std::numeric_limits<std::uint32_t>::max();
@@ -729,7 +737,8 @@ KeptSamples after(KeptSamples samples, std::uint32_t before) {
   return samples;
 }
 
-// A mover of many bodies comes to the highest number in a day. What follows it was said later, and nothing is missing between them.
+// A mover of many bodies comes to the highest number in a day. What follows it was said later, and
+// nothing is missing between them.
 TEST_F(ProvePromises, NumbersThatBeginAgainAreProvedAsThoseBefore) {
   fly_promised(80, 4, 6, 2500);
   EXPECT_GT(posed(), 100U);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A session on the memory bus is recorded and proved; recordings that were tampered with are found out.
+// A session on the memory bus is recorded and proved; recordings that were tampered with are found
+// out.
 #include "subscriber/recorded/verify.hpp"
 
 #include <algorithm>
@@ -81,7 +82,8 @@ class Verify : public ::testing::Test {
       recorded.items.push_back({.held = std::move(held)});
     world.bus.held.clear();
   }
-  /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
+  /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these
+  /// frames.
   Recorded record(SessionOptions options = quick_options(),
                   const std::set<std::size_t>& comings = {}, double budget_s = 1) {
     Recorded recorded;
@@ -113,7 +115,8 @@ class Verify : public ::testing::Test {
   }
   bool goes_away = false;  ///< in the middle: far from all for 20 s
 
-  /// One peer moves "one" and is killed; the other, whose reports these are, asks on for three seconds.
+  /// One peer moves "one" and is killed; the other, whose reports these are, asks on for three
+  /// seconds.
   Recorded record_killed() {
     Recorded recorded;
     World world;
@@ -136,8 +139,8 @@ class Verify : public ::testing::Test {
     return recorded;
   }
 
-  /// The host hears where "one" is on a topic of its own, in floats, and hands it in: until `silent`, and again three seconds later.
-  /// No pose of it is on the bus.
+  /// The host hears where "one" is on a topic of its own, in floats, and hands it in: until
+  /// `silent`, and again three seconds later. No pose of it is on the bus.
   Recorded record_heard(
       std::size_t silent,
       std::set<std::pair<std::array<double, 9>, std::array<double, 3>>>& heard_poses) {
@@ -235,7 +238,8 @@ std::size_t find_report(const Recorded& recorded,
 
 using Spoil = std::function<void(wire::ContactReport&)>;
 
-/// After the report stand copies of it, each spoilt in its own way: what it was about is the same then.
+/// After the report stand copies of it, each spoilt in its own way: what it was about is the same
+/// then.
 Recorded with_spoilt(Recorded recorded, std::size_t at, const std::vector<Spoil>& spoils) {
   std::vector<Recorded::Item> copies(spoils.size(), recorded.items.at(at));
   for (std::size_t i = 0; i < spoils.size(); ++i) spoils[i](*copies[i].report);
@@ -297,7 +301,8 @@ TEST_F(Verify, FindsAPoseThatWasChanged) {
   EXPECT_EQ(verify(recorded).different, 1U);
 }
 
-// A bound may be sought longer than is the default, and is proved then; more than can be proved is found.
+// A bound may be sought longer than is the default, and is proved then; more than can be proved is
+// found.
 TEST_F(Verify, FindsAClearanceThatIsTooLarge) {
   for (const double factor : {1.0, 0.5, 1 / kClearanceShare * 1.01}) {
     Recorded recorded = record();
@@ -405,7 +410,8 @@ TEST_F(Verify, AMadeUpReportWithoutAnAnswerIsFound) {
       << found.differences[0].what;
 }
 
-// What the host's options ended is proved pair by pair: whatever the options were, which the report does not tell.
+// What the host's options ended is proved pair by pair: whatever the options were, which the report
+// does not tell.
 TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
   for (const int how : {0, 1, 2, 3}) {
     SCOPED_TRACE(how);
@@ -586,7 +592,8 @@ TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
   EXPECT_EQ(verify(spoilt).different, 1U);
 }
 
-// Poses that the host heard elsewhere are in no message of the bus: a report carries them, so its answer is proved as others are.
+// Poses that the host heard elsewhere are in no message of the bus: a report carries them, so its
+// answer is proved as others are.
 TEST_F(Verify, AnswersAboutPosesThatTheHostHeardComeOutAgain) {
   std::set<std::pair<std::array<double, 9>, std::array<double, 3>>> heard;
   const Recorded recorded = record_heard(40, heard);
@@ -877,7 +884,8 @@ TEST_F(Verify, WhoWasAskedIsHeardThoughTheRequestIsRecordedLate) {
   EXPECT_EQ(found.different + found.lacking, 0U);
 }
 
-// Anybody can write batches to a peer: good ones, of whatever numbers, that the peer does not take in.
+// Anybody can write batches to a peer: good ones, of whatever numbers, that the peer does not take
+// in.
 TEST_F(Verify, BatchesOfWhomNobodyAskedCountForNothing) {
   constexpr wire::SessionId kStranger = 0xc1;
   Recorded recorded;
@@ -911,7 +919,8 @@ TEST_F(Verify, BatchesOfWhomNobodyAskedCountForNothing) {
   EXPECT_EQ(found.verified, recorded.answers());
 }
 
-// More than may wait, of who was asked: what follows is proved from what the peer says then that it holds.
+// More than may wait, of who was asked: what follows is proved from what the peer says then that it
+// holds.
 TEST_F(Verify, WhatFindsNoPlaceBeginsAnEra) {
   Recorded recorded;
   World world;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sessions with worlds are recorded and proved; so is what follows after tiles and detail were given up. What was forged is found out, and what
-// is not in the recording is never called proved.
+// Sessions with worlds are recorded and proved; so is what follows after tiles and detail were
+// given up. What was forged is found out, and what is not in the recording is never called proved.
 
 #include <algorithm>
 #include <filesystem>
@@ -327,7 +327,8 @@ TEST_F(VerifyWorlds, WhatTheHostsOptionsCutIsProvedAsFarAsItGoes) {
   }
 }
 
-// What it leaves open is told right: how many pairs of faces were found, and how far off the rest may be.
+// What it leaves open is told right: how many pairs of faces were found, and how far off the rest
+// may be.
 TEST_F(VerifyWorlds, WhatACutAnswerLeavesOpenIsProved) {
   std::size_t partial = 0, uncertain = 0;
   for (const int how : {0, 1, 2}) {

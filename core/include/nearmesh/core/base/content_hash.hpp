@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// What a model is called by those who must not mistake it for another: 128 bits of a cryptographic hash over all that peers
-// may get of it (core/spm_format.md).
+// What a model is called by those who must not mistake it for another: 128 bits of a cryptographic
+// hash over all that peers may get of it (core/spm_format.md).
 
 #include <compare>
 #include <cstdint>

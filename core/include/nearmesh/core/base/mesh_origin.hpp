@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// Where a model's metres and its axes come from: import says it, the .spm file keeps it beside the model, `info` prints it.
+// Where a model's metres and its axes come from: import says it, the .spm file keeps it beside the
+// model, `info` prints it.
 
 #include <cstdint>
 

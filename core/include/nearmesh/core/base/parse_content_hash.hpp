@@ -10,7 +10,8 @@
 
 namespace nearmesh {
 
-/// From what `nearmesh-model info` and to_hex() give. Errors: kInvalidArgument for anything else, also for the one that names none.
+/// From what `nearmesh-model info` and to_hex() give. Errors: kInvalidArgument for anything else,
+/// also for the one that names none.
 [[nodiscard]] Result<ContentHash> parse_content_hash(std::string_view text);
 
 }  // namespace nearmesh

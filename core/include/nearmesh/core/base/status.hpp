@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// How nearmesh reports trouble with data from outside: files, samples, poses, configuration.
-// A caller's own mistakes are asserted instead (assert.hpp); no exception crosses a target boundary.
+// How nearmesh reports trouble with data from outside: files, samples, poses, configuration. A
+// caller's own mistakes are asserted instead (assert.hpp); no exception crosses a target boundary.
 
 #include <cstdint>
 #include <optional>
@@ -81,8 +81,9 @@ template <class T>
 
 }  // namespace nearmesh
 
-/// Hands an error on: returns from the enclosing function, whose result is a Status or a Result, when `expr`, a Status or a
-/// Result, is not ok. The status is copied, since `expr` may name a part of what is gone after it: `make().status()`.
+/// Hands an error on: returns from the enclosing function, whose result is a Status or a Result,
+/// when `expr`, a Status or a Result, is not ok. The status is copied, since `expr` may name a part
+/// of what is gone after it: `make().status()`.
 #define NEARMESH_RETURN_IF_ERROR(expr)                                                  \
   do {                                                                                  \
     if (const ::nearmesh::Status nearmesh_tried_ = ::nearmesh::detail::status_of(expr); \

@@ -54,9 +54,10 @@ struct CleanReport {
 };
 
 struct CleanOptions {
-  int grid_bits =
-      21;  ///< per axis, in [kMinGridBits, kMaxGridBits]; 21: a cell of half a millionth of the size
-  /// None: the smallest cell for which the model fits. Models with one lattice need equal grid_bits, too.
+  /// Per axis, in [kMinGridBits, kMaxGridBits]; 21: a cell of half a millionth of the size.
+  int grid_bits = 21;
+  /// None: the smallest cell for which the model fits. Models with one lattice need equal
+  /// grid_bits, too.
   std::optional<CommonLattice> lattice;
 };
 
@@ -65,19 +66,19 @@ struct CleanResult {
   CleanReport report;
 };
 
-/// Rounds to a grid of so many bits per axis (to the nearest point, halves up), welds equal
-/// grid points, drops unreferenced vertices and duplicate faces. The cell is the smallest power of
-/// two for which the bounding box of the referenced vertices fits; the origin is a multiple of the
-/// cell, so that regular data keeps its common factors of two. A mesh that is a single point has kMinGridBits, if its
-/// lattice is its own. A face whose corners fall together
-/// is a segment or a point: dropped where a kept face covers it, else kept with duplicated vertices
-/// (nothing that could be touched may vanish). Three distinct points on a line are an ordinary face. In: at
-/// least one face; indices in range; coordinates of referenced vertices finite and within
-/// kMaxCoordinate_m; options in range; below 2^31 vertices and 2^30 faces.
-/// Out: vertices in input order of the first at each grid point, duplicated ones last; faces in
-/// input order. Depends on the input alone. Errors: kInvalidArgument naming the first offender
-/// (vertex or face number, what was found), or a lattice on which the mesh does not fit; the input is untouched. Cost: O(n log n), about 0.3 s
-/// for a million faces.
+/// Rounds to a grid of so many bits per axis (to the nearest point, halves up), welds equal grid
+/// points, drops unreferenced vertices and duplicate faces. The cell is the smallest power of two
+/// for which the bounding box of the referenced vertices fits; the origin is a multiple of the
+/// cell, so that regular data keeps its common factors of two. A mesh that is a single point has
+/// kMinGridBits, if its lattice is its own. A face whose corners fall together is a segment or a
+/// point: dropped where a kept face covers it, else kept with duplicated vertices (nothing that
+/// could be touched may vanish). Three distinct points on a line are an ordinary face. In: at least
+/// one face; indices in range; coordinates of referenced vertices finite and within
+/// kMaxCoordinate_m; options in range; below 2^31 vertices and 2^30 faces. Out: vertices in input
+/// order of the first at each grid point, duplicated ones last; faces in input order. Depends on
+/// the input alone. Errors: kInvalidArgument naming the first offender (vertex or face number, what
+/// was found), or a lattice on which the mesh does not fit; the input is untouched. Cost: O(n log
+/// n), about 0.3 s for a million faces.
 [[nodiscard]] Result<CleanResult> clean_mesh(const IndexedMesh& mesh,
                                              const CleanOptions& options = {});
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// What a grid of heights leaves open, and what import made of it (docs/terrain.md). Nothing is guessed: what
-// neither the file nor these options say is an error that names the option.
+// What a grid of heights leaves open, and what import made of it (docs/terrain.md). Nothing is
+// guessed: what neither the file nor these options say is an error that names the option.
 
 #include <array>
 #include <cstdint>
@@ -32,19 +32,19 @@ struct TerrainOptions {
   /// kEnu and kEcef take the file's coordinates as degrees, x the longitude.
   TerrainFrame frame = TerrainFrame::kUnstated;
   std::array<double, 2> enu_origin_deg{};  ///< of kEnu: latitude, longitude; height 0
-  /// Between posts, to the east and to the north, above 0, of a file that does not state it. In metres;
-  /// in degrees where `frame` takes degrees.
+  /// Between posts, to the east and to the north, above 0, of a file that does not state it. In
+  /// metres; in degrees where `frame` takes degrees.
   std::optional<std::array<double, 2>> spacing;
   /// x and y of the south-western post, of a file that does not state it; 0, 0 without.
   std::optional<std::array<double, 2>> corner;
-  /// The sample that means "no data", on top of the one that the file states; may be NaN. Where samples
-  /// are floats of 4 bytes: the float nearest to it.
+  /// The sample that means "no data", on top of the one that the file states; may be NaN. Where
+  /// samples are floats of 4 bytes: the float nearest to it.
   std::optional<double> nodata;
-  /// Height of a post without data: no sample, but in the unit that the file states of heights, as what `heights`
-  /// gives. None: a hole.
+  /// Height of a post without data: no sample, but in the unit that the file states of heights, as
+  /// what `heights` gives. None: a hole.
   std::optional<double> fill;
-  /// Height, in the unit that the file states of heights, = [0] + [1] x sample. A sample of a colour
-  /// image is 65536 red + 256 green + blue.
+  /// Height, in the unit that the file states of heights, = [0] + [1] x sample. A sample of a
+  /// colour image is 65536 red + 256 green + blue.
   std::optional<std::array<double, 2>> heights;
   std::optional<RawGrid> raw;  ///< the file is of this kind, whatever its name
 };
@@ -62,7 +62,8 @@ struct ImportedTerrain {
   /// That of the options, where no sample is it; of a window, none in it.
   std::optional<double> unmatched_nodata;
   std::optional<double> fill;  ///< that of the options, which they got; none: holes
-  /// The file states the unit of its coordinates, which is no metre, and none of its heights: taken as the same.
+  /// The file states the unit of its coordinates, which is no metre, and none of its heights: taken
+  /// as the same.
   bool height_unit_is_assumed = false;
   TerrainFrame frame = TerrainFrame::kFile;
   std::array<double, 2> enu_origin_deg{};

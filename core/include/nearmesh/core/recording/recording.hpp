@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A recording: every sample as the bytes that were on the wire, with who wrote it and when. Takes and
-// gives bytes and names only; what they mean is the wire's business (nearmesh/idl/dds/payload.hpp).
-// The tables `topics` and `messages` are laid out as rosbag2's SQLite storage does (schema 4), so its tools list and extract
-// them; `message_definitions` holds the IDL. Everything else is in tables of our own, whose names begin with nearmesh_.
-// A write-ahead log: what was committed survives a killed process, and readers never hold up the writer. While a recording
-// runs, and after a kill, FILE-wal belongs to FILE; a clean end leaves one file.
+// A recording: every sample as the bytes that were on the wire, with who wrote it and when. Takes
+// and gives bytes and names only; what they mean is the wire's business
+// (nearmesh/idl/dds/payload.hpp). The tables `topics` and `messages` are laid out as rosbag2's
+// SQLite storage does (schema 4), so its tools list and extract them; `message_definitions` holds
+// the IDL. Everything else is in tables of our own, whose names begin with nearmesh_. A write-ahead
+// log: what was committed survives a killed process, and readers never hold up the writer. While a
+// recording runs, and after a kill, FILE-wal belongs to FILE; a clean end leaves one file.
 
 #include <array>
 #include <cstdint>
@@ -67,7 +68,8 @@ struct RecordedModel {
   std::int64_t message = 0;  ///< id of the message that holds the header
 };
 
-/// Samples of one writer that concern one thing, by a name that whoever recorded them gave it: those of a body, say.
+/// Samples of one writer that concern one thing, by a name that whoever recorded them gave it:
+/// those of a body, say.
 struct RecordedKey {
   std::uint32_t writer = 0;  ///< index into the writers
   std::string name;
@@ -76,8 +78,8 @@ struct RecordedKey {
 /// The file that follows a part: "x.db3", "x_1.db3", "x_2.db3".
 [[nodiscard]] std::string part_path(const std::string& first, std::uint32_t part);
 
-/// Appends to a new file. After a failure (a full disk, say) nothing more is written, every call gives the same status, and
-/// what was committed stays readable.
+/// Appends to a new file. After a failure (a full disk, say) nothing more is written, every call
+/// gives the same status, and what was committed stays readable.
 /// Threads: one at a time. Blocks for as long as the disk does.
 class RecordingWriter {
  public:
@@ -94,8 +96,9 @@ class RecordingWriter {
   /// Out: the index.
   [[nodiscard]] Result<std::uint32_t> add_topic(const RecordedTopic& topic);
   [[nodiscard]] Result<std::uint32_t> add_writer(const RecordedWriter& writer);
-  /// `key`: under what readers find the message without reading the others (RecordedKey::name); empty: under nothing.
-  /// Out: the message's id, counted up from 1. Commits what waits when it is due.
+  /// `key`: under what readers find the message without reading the others (RecordedKey::name);
+  /// empty: under nothing. Out: the message's id, counted up from 1. Commits what waits when it is
+  /// due.
   [[nodiscard]] Result<std::int64_t> append(const RecordedMessage& message,
                                             const std::string& key = {});
   [[nodiscard]] Status add_gap(const RecordingGap& gap);
@@ -118,14 +121,14 @@ class RecordingWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Reads a recording, all its parts in turn, also while it is being written or after its writer was killed; or one that was
-/// exported to MCAP, which is first unpacked into the folder for temporary files. Ids, indices
-/// and order are those of the whole: a message's id is its place, from 1.
+/// Reads a recording, all its parts in turn, also while it is being written or after its writer was
+/// killed; or one that was exported to MCAP, which is first unpacked into the folder for temporary
+/// files. Ids, indices and order are those of the whole: a message's id is its place, from 1.
 /// Threads: one at a time; several readers may read one file.
 class RecordingReader {
  public:
-  /// Errors: kNotFound; kCorrupt when it is no recording, or a damaged one; kUnsupported for a later version, and for an MCAP
-  /// file with compressed chunks; kIo.
+  /// Errors: kNotFound; kCorrupt when it is no recording, or a damaged one; kUnsupported for a
+  /// later version, and for an MCAP file with compressed chunks; kIo.
   [[nodiscard]] static Result<std::unique_ptr<RecordingReader>> open(const std::string& path);
   ~RecordingReader();
 
@@ -148,8 +151,8 @@ class RecordingReader {
       const std::function<bool(std::int64_t id, const RecordedMessage& message)>& visit);
   /// Ids of the messages of a key, by index into the keys, ascending. Cost: of what it gives.
   [[nodiscard]] Result<std::vector<std::int64_t>> ids_of(std::uint32_t key);
-  /// Id of the first message that was received at this time or later; message_count() + 1 where there is none.
-  /// Cost: O(log messages).
+  /// Id of the first message that was received at this time or later; message_count() + 1 where
+  /// there is none. Cost: O(log messages).
   [[nodiscard]] Result<std::int64_t> find(std::int64_t received_ns);
 
  private:

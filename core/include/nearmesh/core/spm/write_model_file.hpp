@@ -15,8 +15,10 @@ struct WrittenModel {
   ContentHash content_hash;
 };
 
-/// Writes a complete model. `numbers` in canonical order (FaceNumbering). The file appears under its name only when it is
-/// whole, the same for any number of threads, 0 being one for each core (written beside it and renamed). Errors: kIo with path and reason, kConflict where something is there that is no model; what is there is then untouched.
+/// Writes a complete model. `numbers` in canonical order (FaceNumbering). The file appears under
+/// its name only when it is whole, the same for any number of threads, 0 being one for each core
+/// (written beside it and renamed). Errors: kIo with path and reason, kConflict where something is
+/// there that is no model; what is there is then untouched.
 [[nodiscard]] Result<WrittenModel> write_model_file(const SpmHeader& header,
                                                     const SplitStore& store,
                                                     std::span<const FaceNumber> numbers,

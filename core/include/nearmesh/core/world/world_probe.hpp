@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// Probes of a world on disk (docs/worlds.md): rays, balls and boxes against all of its tiles, as if they were one mesh. Pages tell which tiles a probe may
-// meet; these are opened, and of each as much detail is read as the answer needs. So every answer is certified.
-// There are no probes of points: a tile is cut open at its border, and nothing says that all of them together close. A ray down tells
-// whether a point is below a ground.
+// Probes of a world on disk (docs/worlds.md): rays, balls and boxes against all of its tiles, as if
+// they were one mesh. Pages tell which tiles a probe may meet; these are opened, and of each as
+// much detail is read as the answer needs. So every answer is certified. There are no probes of
+// points: a tile is cut open at its border, and nothing says that all of them together close. A ray
+// down tells whether a point is below a ground.
 
 #include <array>
 #include <cstdint>
@@ -24,8 +25,8 @@ struct WorldTile {
   bool operator==(const WorldTile&) const = default;
 };
 struct WorldRayAnswer {
-  RayAnswer
-      ray;  ///< its face is one of the tile's. Of faces of several tiles at one point any with the least key
+  /// Its face is one of the tile's. Of faces of several tiles at one point any with the least key.
+  RayAnswer ray;
   WorldTile tile;  ///< where ray.has_face
 };
 struct WorldShapeAnswer {
@@ -35,17 +36,20 @@ struct WorldShapeAnswer {
 
 class WorldProbe {
  public:
-  /// Holds at most `most_tiles` open, with the detail that was read of them, the least recently used going first; and pages.
-  /// Errors: kNotFound (no world's record is there), kIo, kCorrupt, kUnsupported, naming the file.
+  /// Holds at most `most_tiles` open, with the detail that was read of them, the least recently
+  /// used going first; and pages. Errors: kNotFound (no world's record is there), kIo, kCorrupt,
+  /// kUnsupported, naming the file.
   [[nodiscard]] static Result<WorldProbe> open(const std::string& folder,
                                                std::size_t most_tiles = 64);
   WorldProbe(WorldProbe&&) noexcept;
   WorldProbe& operator=(WorldProbe&&) noexcept;
   ~WorldProbe();
 
-  /// Answers a batch, of the world in a place. Rays are cut to the world's box. Preconditions (asserted): as many answers as probes.
-  /// Errors: as probe() of a body; kIo, kCorrupt, kConflict, naming a file. Some answers may have been written then. After a std::bad_alloc it may be asked again.
-  /// Deterministic: what was probed before changes nothing. Cost: a ray some us and what its tiles take to open and read. Threads: one at a time.
+  /// Answers a batch, of the world in a place. Rays are cut to the world's box. Preconditions
+  /// (asserted): as many answers as probes. Errors: as probe() of a body; kIo, kCorrupt, kConflict,
+  /// naming a file. Some answers may have been written then. After a std::bad_alloc it may be asked
+  /// again. Deterministic: what was probed before changes nothing. Cost: a ray some us and what its
+  /// tiles take to open and read. Threads: one at a time.
   [[nodiscard]] Status probe(const Pose& pose, std::span<const RayProbe> rays,
                              std::span<WorldRayAnswer> answers);
   [[nodiscard]] Status probe(const Pose& pose, std::span<const BallProbe> balls,

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A sample's bytes (CDR with its encapsulation, as on the wire and in a recording) to a message and back. No Fast DDS here.
+// A sample's bytes (CDR with its encapsulation, as on the wire and in a recording) to a message and
+// back. No Fast DDS here.
 
 #include <cstdint>
 #include <span>
@@ -12,7 +13,8 @@
 
 namespace nearmesh::wire {
 
-/// Recordings of this build's wire version are read and played, no others. Errors: kUnsupported naming both versions.
+/// Recordings of this build's wire version are read and played, no others. Errors: kUnsupported
+/// naming both versions.
 [[nodiscard]] Status check_recorded_version(std::uint32_t wire_version);
 
 namespace detail {
@@ -23,8 +25,8 @@ namespace detail {
 }  // namespace detail
 
 /// In: a message of the table of topics.
-/// Errors: kUnsupported for another wire version; kInvalidArgument for bytes that contradict the type, or a field outside
-/// its limits.
+/// Errors: kUnsupported for another wire version; kInvalidArgument for bytes that contradict the
+/// type, or a field outside its limits.
 template <class Message>
 [[nodiscard]] Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
   Message message;
@@ -38,7 +40,8 @@ template <class Message>
   return detail::encode_payload(place_of<Message>(), &message);
 }
 
-/// The key under which a sample is recorded, as the table of topics says (Topic::key); "" also for what does not decode.
+/// The key under which a sample is recorded, as the table of topics says (Topic::key); "" also for
+/// what does not decode.
 [[nodiscard]] std::string record_key(TopicPlace place, std::span<const std::uint8_t> cdr);
 
 /// Text of nearmesh.idl, for whoever reads the bytes without this library.

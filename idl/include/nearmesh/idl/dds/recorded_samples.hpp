@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// The samples of a recording as messages: which topic each is of, and what it says. No Fast DDS here.
+// The samples of a recording as messages: which topic each is of, and what it says. No Fast DDS
+// here.
 
 #include <cstdint>
 #include <optional>
@@ -12,13 +13,15 @@
 
 namespace nearmesh::wire {
 
-/// Threads: any number may read of one. It holds nothing but the places of the topics; samples come from RecordingReader::read().
+/// Threads: any number may read of one. It holds nothing but the places of the topics; samples come
+/// from RecordingReader::read().
 class RecordedSamples {
  public:
   /// The recording must outlive it. Errors: as check_recorded_version.
   [[nodiscard]] static Result<RecordedSamples> of(const RecordingReader& recording);
 
-  /// By index into the recording's topics (RecordingReader::topics()), which must be one of these; none for a topic that is not in the table.
+  /// By index into the recording's topics (RecordingReader::topics()), which must be one of these;
+  /// none for a topic that is not in the table.
   [[nodiscard]] std::optional<TopicPlace> place_of(std::uint32_t topic) const {
     return places_[topic];
   }
@@ -27,7 +30,8 @@ class RecordedSamples {
   [[nodiscard]] bool is(const RecordedMessage& sample) const {
     return places_[recording_->writers()[sample.writer].topic] == wire::place_of<Message>();
   }
-  /// The sample as a message. Nothing where it is of another topic, or does not decode: decode_payload() says why. Cost: of decoding it.
+  /// The sample as a message. Nothing where it is of another topic, or does not decode:
+  /// decode_payload() says why. Cost: of decoding it.
   template <class Message>
   [[nodiscard]] std::optional<Message> read(const RecordedMessage& sample) const {
     if (!is<Message>(sample)) return std::nullopt;

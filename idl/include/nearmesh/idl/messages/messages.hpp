@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// What travels between publisher and peers, as plain structs: no DDS type is seen outside the rooms named dds.
-// Every struct is checked on receipt by check(): sizes, counts, enums and finite numbers. A sample that
-// fails is dropped with one line that says why, and nothing else notices. Lengths are metres, times seconds, ids 64 bits.
+// What travels between publisher and peers, as plain structs: no DDS type is seen outside the rooms
+// named dds. Every struct is checked on receipt by check(): sizes, counts, enums and finite
+// numbers. A sample that fails is dropped with one line that says why, and nothing else notices.
+// Lengths are metres, times seconds, ids 64 bits.
 
 #include <array>
 #include <cstdint>
@@ -25,7 +26,8 @@ class ModelFile;
 
 namespace nearmesh::wire {
 
-/// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
+/// Raised with every change of a topic's layout or of the batch codec. Peers of another version are
+/// refused loudly.
 inline constexpr std::uint16_t kWireVersion = 13;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
@@ -34,20 +36,20 @@ using SessionId = std::uint64_t;
 inline constexpr std::size_t kMaxNameBytes = 63;
 inline constexpr std::size_t kMaxModels = 256;
 inline constexpr std::size_t kMaxReportPairs = 64;
-/// Times lie within so many seconds of 0: 3,000 years, in which doubles still tell 20 microseconds apart. What counts
-/// milliseconds or nanoseconds since 1970 is refused.
+/// Times lie within so many seconds of 0: 3,000 years, in which doubles still tell 20 microseconds
+/// apart. What counts milliseconds or nanoseconds since 1970 is refused.
 inline constexpr double kMaxTime_s = 1e11;
 [[nodiscard]] constexpr bool is_time(double time_s) {
   return time_s >= -kMaxTime_s && time_s <= kMaxTime_s;  // false for what is no number
 }
-/// Who goes on from a time that others say does so from one within so many seconds of 0, 300 years: from there a clock runs for 2,800 years
-/// before its times are refused.
+/// Who goes on from a time that others say does so from one within so many seconds of 0, 300 years:
+/// from there a clock runs for 2,800 years before its times are refused.
 inline constexpr double kMaxFollowed_s = 1e10;
 
 /// When a content begins to stand for its name.
 struct Epoch {
-  std::uint32_t number =
-      0;              ///< the greatest one that has begun stands; 0: that of contents without one
+  /// The greatest one that has begun stands; 0: that of contents without one.
+  std::uint32_t number = 0;
   double from_s = 0;  ///< it begins at this time, on the exercise's clock; 0 has no beginning
   bool operator==(const Epoch&) const = default;
   [[nodiscard]] bool has_begun(double time_s) const { return number == 0 || time_s >= from_s; }
@@ -68,8 +70,8 @@ struct Hello {
   std::vector<Model> models;
 };
 
-/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file. The content hash is that of
-/// the bytes, so a header needs no other proof.
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+/// The content hash is that of the bytes, so a header needs no other proof.
 struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
@@ -77,8 +79,9 @@ struct MeshHeader {
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
-/// What a peer lacks, and how much it is ready to take (keyed by peer). It says where its bodies are and what it holds, and the
-/// publisher chooses what certifies (`certificate`); or it names what it lacks of one model itself (`region`).
+/// What a peer lacks, and how much it is ready to take (keyed by peer). It says where its bodies
+/// are and what it holds, and the publisher chooses what certifies (`certificate`); or it names
+/// what it lacks of one model itself (`region`).
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
@@ -86,8 +89,8 @@ struct RegionSubscription {
   ContentHash content_hash;   ///< the region's model; else meaningless
   std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
   SessionId publisher = 0;    ///< whom it is for; others ignore it
-  std::uint32_t acknowledged_sequence =
-      0;                               ///< highest batch sequence received from it: returns credit
+  /// Highest batch sequence received from it: returns credit.
+  std::uint32_t acknowledged_sequence = 0;
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
   RegionRequest region;
   std::optional<CertificateRequest> certificate;  ///< then the region is empty
@@ -102,29 +105,33 @@ struct SplitBatchMessage {
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
-  /// Refused, because the publisher does not know the state that the peer says of this content: say what is held, too.
+  /// Refused, because the publisher does not know the state that the peer says of this content: say
+  /// what is held, too.
   bool wants_held = false;
-  /// Refused, because the publisher does not choose for bodies of this content (none: of the whole request): ask for regions.
+  /// Refused, because the publisher does not choose for bodies of this content (none: of the whole
+  /// request): ask for regions.
   bool wants_regions = false;
-  bool is_piece =
-      false;  ///< the bytes are no batch, but a piece of those that the content is the digest of (core/world/content_bytes.hpp)
-  std::vector<std::uint8_t>
-      bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
+  /// The bytes are no batch, but a piece of those that the content is the digest of
+  /// (core/world/content_bytes.hpp).
+  bool is_piece = false;
+  /// Sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed.
+  std::vector<std::uint8_t> bytes;
 };
 
-/// A peer numbers the bodies that it moves from 0, each number once, and tells of them in parts of so many neighbours: as many
-/// poses as one datagram holds.
+/// A peer numbers the bodies that it moves from 0, each number once, and tells of them in parts of
+/// so many neighbours: as many poses as one datagram holds.
 inline constexpr std::uint32_t kBodiesPerPart = 7;
 
-/// Where the bodies of a part are (keyed by peer and part; the peer that moves them publishes): all of them that have a pose, as
-/// each sample replaces the one before.
+/// Where the bodies of a part are (keyed by peer and part; the peer that moves them publishes): all
+/// of them that have a pose, as each sample replaces the one before.
 struct BodyPoses {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
   std::uint32_t part = 0;
   std::uint64_t frame = 0;
-  std::uint32_t sequence =
-      0;  ///< counts up per peer, over all parts, from 1, and after the highest from 1 again; 0: it does not count, and nothing that rests on it can be proved
+  /// Counts up per peer, over all parts, from 1, and after the highest from 1 again; 0: it does not
+  /// count, and nothing that rests on it can be proved.
+  std::uint32_t sequence = 0;
   struct Body {
     std::uint32_t number = 0;
     double time_s = 0;  ///< of the pose, on the exercise's clock
@@ -133,9 +140,10 @@ struct BodyPoses {
   std::vector<Body> bodies;  ///< of the part, by number
 };
 
-/// Which update of its mover a link's pose is of: the number of the sample that has the robot's first link in that update, by that of
-/// the sample with this one. An update sends the parts of a robot one right after the other, so this is the same for all links of one update,
-/// and another for each of two updates of one time. Precondition: the sample's number is not 0.
+/// Which update of its mover a link's pose is of: the number of the sample that has the robot's
+/// first link in that update, by that of the sample with this one. An update sends the parts of a
+/// robot one right after the other, so this is the same for all links of one update, and another
+/// for each of two updates of one time. Precondition: the sample's number is not 0.
 [[nodiscard]] constexpr std::uint32_t first_sample_of_robot(std::uint32_t sequence,
                                                             std::uint32_t number,
                                                             std::uint32_t first_link) {
@@ -143,8 +151,8 @@ struct BodyPoses {
   return sequence - before - (sequence <= before ? 1 : 0);  // 0 is no number
 }
 
-/// Poses that go only to the peers that asked for them (WantedPoses), and to recorders: of bodies of which promises are made. On a topic of
-/// its own, with sequences of its own.
+/// Poses that go only to the peers that asked for them (WantedPoses), and to recorders: of bodies
+/// of which promises are made. On a topic of its own, with sequences of its own.
 struct NearPoses : BodyPoses {};
 
 /// Promises are told of so many neighbours at once: by number, as in BodyPoses.
@@ -156,9 +164,10 @@ inline constexpr int kMinQuantum = -20, kMaxQuantum = 20;
 /// Places lie within so many metres of 0: farther than any pose.
 inline constexpr double kMaxPlace_m = 0x1p48;
 
-/// Where the bodies of a part stay (keyed by peer and part, transient local), of each its origin: from `from_s` to until_s(), on the
-/// exercise's clock, it is no farther from its place than one quantum and the way that its greatest speed (BodyDirectory) allows
-/// since `from_s`. A body that is not in here keeps the promise that was made of it before.
+/// Where the bodies of a part stay (keyed by peer and part, transient local), of each its origin:
+/// from `from_s` to until_s(), on the exercise's clock, it is no farther from its place than one
+/// quantum and the way that its greatest speed (BodyDirectory) allows since `from_s`. A body that
+/// is not in here keeps the promise that was made of it before.
 struct BodyPromises {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
@@ -177,8 +186,8 @@ struct BodyPromises {
   [[nodiscard]] double until_s() const { return from_s + steps * kPromiseStep_s; }
 };
 
-/// Which bodies of one mover a peer wants full poses of (keyed by peer and mover): said when that changes, and again as long as it
-/// wants some, for a mover forgets it after kWantedFor_s.
+/// Which bodies of one mover a peer wants full poses of (keyed by peer and mover): said when that
+/// changes, and again as long as it wants some, for a mover forgets it after kWantedFor_s.
 struct WantedPoses {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;   ///< who wants
@@ -206,10 +215,12 @@ struct BodyDirectory {
     ContentHash content;      ///< that the peer pins the model to; or none
     bool solid = false;
     std::uint32_t group = 1, mask = 0xffffffffU;
-    /// Of its origin, which the peer keeps it to: then promises are told of it, and full poses to those alone who want them. 0: not so.
+    /// Of its origin, which the peer keeps it to: then promises are told of it, and full poses to
+    /// those alone who want them. 0: not so.
     double max_speed_mps = 0;
-    /// It is a link of a robot: the bodies of the numbers first_link to first_link + links - 1, in as many parts as that takes. Their
-    /// poses count only together, those of one time and one update (first_sample_of_robot). 1: it is none.
+    /// It is a link of a robot: the bodies of the numbers first_link to first_link + links - 1, in
+    /// as many parts as that takes. Their poses count only together, those of one time and one
+    /// update (first_sample_of_robot). 1: it is none.
     std::uint32_t links = 1, first_link = 0;
     bool operator==(const Body&) const = default;
   };
@@ -218,7 +229,8 @@ struct BodyDirectory {
 inline constexpr std::uint32_t kMaxLinks = 256;  ///< of a robot
 inline constexpr double kMaxSpeed_mps = 1e6;     ///< that a body may have by its mover's word
 
-/// Where a body is, by the body's name: a pose and the directory, brought together. Does not travel.
+/// Where a body is, by the body's name: a pose and the directory, brought together. Does not
+/// travel.
 struct BodyPose {
   SessionId peer = 0;
   std::string body;
@@ -233,7 +245,8 @@ struct BodyPose {
   std::uint32_t links = 1, first_link = 0;  ///< as in BodyDirectory
 };
 
-/// Where a body stays, by the body's name: a promise and the directory, brought together. Does not travel.
+/// Where a body stays, by the body's name: a promise and the directory, brought together. Does not
+/// travel.
 struct BodyPromise {
   SessionId peer = 0;
   std::uint32_t number = 0;
@@ -244,7 +257,8 @@ struct BodyPromise {
   double max_speed_mps = 0;
   std::uint32_t sequence = 0;  ///< of the sample that it came in
 
-  /// At that time its origin is no farther from the place than this, metres, rounded up; nothing where the promise says nothing of it.
+  /// At that time its origin is no farther from the place than this, metres, rounded up; nothing
+  /// where the promise says nothing of it.
   [[nodiscard]] std::optional<double> radius_m(double time_s) const;
 };
 /// One of those in a message. Precondition: check() accepted it.
@@ -268,22 +282,23 @@ struct PoseStamp {
 };
 /// Negative for a pose of the frame's future; infinite where none has come.
 [[nodiscard]] double age_s(const PoseStamp& pose, double frame_time_s);
-/// Why nothing can be certified that rests on the body's pose, in a frame of that time; empty where it can. A pose of the
-/// future is held to the same limit as one of the past.
+/// Why nothing can be certified that rests on the body's pose, in a frame of that time; empty where
+/// it can. A pose of the future is held to the same limit as one of the past.
 [[nodiscard]] std::string why_stale(const PoseStamp& pose, double frame_time_s,
                                     const std::string& body);
 
-/// An answer about a pair of bodies, for whoever listens (keyed by peer and pair). With the batches that the peer was sent it
-/// is enough to ask the same again.
+/// An answer about a pair of bodies, for whoever listens (keyed by peer and pair). With the batches
+/// that the peer was sent it is enough to ask the same again.
 struct ContactReport {
   /// One of the two bodies as it was when it was asked about.
   struct Asked {
     ContentHash content_hash;
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
-    std::uint32_t applied_batches =
-        0;  ///< so many of the model, in order of arrival, had been taken in
-    /// What is held of the model was given up, all or in part, when the peer did so for the so manieth time, of whatever model; 0:
-    /// never. What it held then a HeldDetail says, and batches of before do not tell.
+    /// So many of the model, in order of arrival, had been taken in.
+    std::uint32_t applied_batches = 0;
+    /// What is held of the model was given up, all or in part, when the peer did so for the so
+    /// manieth time, of whatever model; 0: never. What it held then a HeldDetail says, and batches
+    /// of before do not tell.
     std::uint32_t era = 0;
     bool solid = false;
     Pose pose;
@@ -298,40 +313,44 @@ struct ContactReport {
   double clearance_m = 0;        ///< lower bound, when free or contained
   double uncertainty_m = 0;      ///< when uncertain
   std::uint32_t pair_count = 0;  ///< all exact pairs
-  /// False: a header or a pose was missing, or a pose was stale, or the pair was put off, so nothing was asked.
+  /// False: a header or a pose was missing, or a pose was stale, or the pair was put off, so
+  /// nothing was asked.
   bool asked = false;
-  bool put_off =
-      false;  ///< it could have been asked; its turn did not come within the frame's budget. Said once, until it is asked
-  bool cut =
-      false;  ///< the host's options ended the answer (any, max_pairs, max_tests): what it lists may not be all
+  /// It could have been asked; its turn did not come within the frame's budget. Said once, until it
+  /// is asked.
+  bool put_off = false;
+  /// The host's options ended the answer (any, max_pairs, max_tests): what it lists may not be all.
+  bool cut = false;
   std::uint64_t answer_digest = 0;  ///< digest(Answer)
   Asked a, b;                       ///< when asked; of a world its content and pose
-  /// Where one of the bodies is a world that was asked: with its pages it tells which tiles the answer rests on.
+  /// Where one of the bodies is a world that was asked: with its pages it tells which tiles the
+  /// answer rests on.
   struct World {
     bool is_a = false;  ///< which of the two is
     /// Tiles were looked for within so many cells of the other body's grid around its box.
     std::uint32_t reach_cells = 0;
     struct Tile {
-      bool asked =
-          false;  ///< its trees were; else nothing was known of it, or its turn did not come
+      /// Its trees were; else nothing was known of it, or its turn did not come.
+      bool asked = false;
       std::uint64_t state_digest = 0;  ///< these three as in Asked
       std::uint32_t applied_batches = 0, era = 0;
       bool operator==(const Tile&) const = default;
     };
     std::vector<Tile> tiles;  ///< found there, in order of place; at most kMaxReportTiles
-    std::vector<ContentHash>
-        missing_pages;  ///< that were not here, ascending; at most kMaxReportPages
+    /// That were not here, ascending; at most kMaxReportPages.
+    std::vector<ContentHash> missing_pages;
     bool operator==(const World&) const = default;
   };
-  std::optional<World>
-      world;  ///< none, too, where there are more tiles or pages: then nothing can be proved
+  /// None, too, where there are more tiles or pages: then nothing can be proved.
+  std::optional<World> world;
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 
 inline constexpr std::size_t kMaxReportTiles = 128, kMaxReportPages = 64;
 
-/// Which bodies a peer that watches all pairs knows of, for recorders (keyed by peer and part, transient local): the pairs of these
-/// are what its BoundsReports are about. Of a body known by its poses, the mover's directory says the name.
+/// Which bodies a peer that watches all pairs knows of, for recorders (keyed by peer and part,
+/// transient local): the pairs of these are what its BoundsReports are about. Of a body known by
+/// its poses, the mover's directory says the name.
 struct WatchedBodies {
   /// What the peer knows a body's place by.
   enum class Known : std::uint8_t {
@@ -345,8 +364,8 @@ struct WatchedBodies {
     std::uint32_t first = 0, count = 1;
     ContentHash content;  ///< of the model, that the peer holds
     std::uint32_t group = 1, mask = 0xffffffffU;
-    double max_age_s =
-        0;  ///< may be infinite; a pose that is further from the frame's time is none
+    /// May be infinite; a pose that is further from the frame's time is none.
+    double max_age_s = 0;
     bool operator==(const Run&) const = default;
   };
   /// A body that the host has put in its place.
@@ -370,33 +389,37 @@ struct WatchedBodies {
 /// Bodies told of in one part, at most.
 inline constexpr std::uint32_t kWatchedPerPart = 64;
 
-/// What bounds prove free in one frame, for recorders (keyed by peer): of how many pairs of its watched bodies (core/THEOREM.md,
-/// "Free by bounds"), those that are answered one by one as well among them. With the poses on the bus the same comes out again.
+/// What bounds prove free in one frame, for recorders (keyed by peer): of how many pairs of its
+/// watched bodies (core/THEOREM.md, "Free by bounds"), those that are answered one by one as well
+/// among them. With the poses on the bus the same comes out again.
 struct BoundsReport {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t edition =
-      0;  ///< of the watched bodies: each part's last with no greater one counts
+  /// Of the watched bodies: each part's last with no greater one counts.
+  std::uint32_t edition = 0;
   std::uint64_t frame = 0;
   double time_s = 0;  ///< of the frame, on the exercise's clock
-  std::uint64_t places_digest =
-      0;                    ///< sum of BodyPlace::digest (core/broadphase) of all that had a box
+  /// Sum of BodyPlace::digest (core/broadphase) of all that had a box.
+  std::uint64_t places_digest = 0;
   std::uint32_t pairs = 0;  ///< from 1; more than 2^32 - 1 are said as that
   float clearance_m = 0;    ///< of each of them at least; rounded down, as horizon_s is
   float horizon_s = 0;      ///< until this much after the frame's time none of them can touch
-  /// A body had a box by what is not on the bus, as poses are that the host heard elsewhere: nobody can prove the report.
+  /// A body had a box by what is not on the bus, as poses are that the host heard elsewhere: nobody
+  /// can prove the report.
   bool rests_on_more = false;
   /// How far one mover of watched bodies had been heard: what each body is known by.
   struct Heard {
-    /// The sequence of its last BodyPoses that counted. Each body that is known by poses is where the last sample of its part up to then
-    /// has it.
+    /// The sequence of its last BodyPoses that counted. Each body that is known by poses is where
+    /// the last sample of its part up to then has it.
     std::uint32_t poses = 0;
-    /// The same of BodyPromises: of the last two of a body up to then, the later one that holds at the frame's time.
+    /// The same of BodyPromises: of the last two of a body up to then, the later one that holds at
+    /// the frame's time.
     std::uint32_t promises = 0;
-    /// Of the peer itself, whose promised bodies are known by their poses: that of its last NearPoses. Else 0.
+    /// Of the peer itself, whose promised bodies are known by their poses: that of its last
+    /// NearPoses. Else 0.
     std::uint32_t near = 0;
-    /// Bodies of another that were known by a full pose which `poses` does not name: promised ones, and where samples were lost that
-    /// may have held a later one.
+    /// Bodies of another that were known by a full pose which `poses` does not name: promised ones,
+    /// and where samples were lost that may have held a later one.
     struct Posed {
       std::uint32_t number = 0,
                     sequence = 0;  ///< of the sample that it came in; NearPoses if it is promised
@@ -409,9 +432,10 @@ struct BoundsReport {
 };
 inline constexpr std::size_t kMaxWatchedMovers = 4096, kMaxWatchedPosed = 4096;
 
-/// What a peer holds of one model, or of a world's tile, for recorders (keyed by peer and content): said when a recorder comes, so that one that
-/// missed batches can prove what follows; and when detail was given up. With the model's file it is enough to make the same replica; with what
-/// was held before, where that was given up.
+/// What a peer holds of one model, or of a world's tile, for recorders (keyed by peer and content):
+/// said when a recorder comes, so that one that missed batches can prove what follows; and when
+/// detail was given up. With the model's file it is enough to make the same replica; with what was
+/// held before, where that was given up.
 struct HeldDetail {
   /// The number of the last batch that had come of a publisher.
   struct Heard {
@@ -446,11 +470,12 @@ enum class DoorRefusal : std::uint8_t {
   kIdentity,     ///< of an identity that was revoked or has expired
 };
 inline constexpr std::size_t kDoorRefusals = 9;
-/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd", "identity".
+/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd",
+/// "identity".
 [[nodiscard]] const char* to_string(DoorRefusal refusal);
 
-/// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
-/// it from outside.
+/// What one process knows of itself (keyed by session, transient local, renewed each second): for
+/// operators, who cannot see it from outside.
 struct ProcessStatus {
   std::uint16_t wire_version = kWireVersion;
   SessionId session = 0;
@@ -470,8 +495,8 @@ struct ProcessStatus {
   std::uint64_t resident_bytes = 0;
   std::uint32_t moved_bodies = 0;  ///< by a peer
   std::uint32_t heard_bodies = 0;  ///< that a peer looks at and others move
-  std::uint32_t stale_bodies =
-      0;                    ///< of those: with a pose on which nothing certified can rest, or none
+  /// Of those: with a pose on which nothing certified can rest, or none.
+  std::uint32_t stale_bodies = 0;
   std::string oldest_body;  ///< of those: whose pose is oldest; "" where there is none
   double oldest_age_s = 0;  ///< that pose's, on the exercise's clock; infinite where none has come
   std::vector<std::string> moved;  ///< the first kMaxStatusBodies bodies of those it moves
@@ -489,7 +514,8 @@ inline constexpr std::size_t kMaxStatusBodies = 16;
 inline constexpr std::size_t kMaxStatusLines = 16;
 inline constexpr std::size_t kMaxStatusLineBytes = 255;
 
-/// One line as it may stand in a ProcessStatus: cut, with other bytes than printable ASCII replaced.
+/// One line as it may stand in a ProcessStatus: cut, with other bytes than printable ASCII
+/// replaced.
 [[nodiscard]] std::string status_line(std::string line);
 
 /// Bytes of a self-test, to be sent back (nearmesh-subscriber doctor).
@@ -505,13 +531,16 @@ inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
 /// An Echo that may be lost: on a topic of its own.
 struct Probe : Echo {};
 
-/// Whether a body or a model may be called so. Names go to logs, file names and JSON: 1 to kMaxNameBytes of printable ASCII without blanks
-/// at the ends, so that nothing can be hidden in them. Errors: kInvalidArgument beginning with `field`.
+/// Whether a body or a model may be called so. Names go to logs, file names and JSON: 1 to
+/// kMaxNameBytes of printable ASCII without blanks at the ends, so that nothing can be hidden in
+/// them. Errors: kInvalidArgument beginning with `field`.
 [[nodiscard]] Status check_name(std::string_view name, const char* field);
-/// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
+/// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument
+/// naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
 
-/// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
+/// What is told of a model that is served, in place of another content or of none: adds it to the
+/// hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
                                         ContentHash replaces, const Epoch& epoch, Hello& hello);
 /// The same of a world: its record takes a header's place. In: bytes that have that digest.
@@ -519,9 +548,10 @@ struct Probe : Echo {};
                                         std::vector<std::uint8_t> record, ContentHash replaces,
                                         const Epoch& epoch, Hello& hello);
 
-/// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
-/// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
-/// `are_pieces`: instead of batches (SplitBatchMessage::is_piece).
+/// The batches of an answer, or of a part of one, as messages to the peer that asked; their
+/// sequence is the channel's to count. `last`: the request is answered in full with these. That
+/// nothing was needed is an answer too: one message without bytes. `are_pieces`: instead of batches
+/// (SplitBatchMessage::is_piece).
 [[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
     SessionId publisher, std::uint32_t request, const ContentHash& content,
     std::vector<std::vector<std::uint8_t>> batches, bool last, bool are_pieces = false);
@@ -529,15 +559,16 @@ struct Probe : Echo {};
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
                                                 const RegionSubscription& request,
                                                 const std::string& why);
-/// The same where the peer is to ask otherwise about one content of the request (none: about all): for regions, or else to say what it
-/// holds of it.
+/// The same where the peer is to ask otherwise about one content of the request (none: about all):
+/// for regions, or else to say what it holds of it.
 [[nodiscard]] SplitBatchMessage redirection_message(SessionId publisher,
                                                     const RegionSubscription& request,
                                                     const std::string& why,
                                                     const ContentHash& content, bool wants_regions);
 
-/// Whether a message may go out, or be believed as far as its own fields tell. Errors: kUnsupported for another wire version, kInvalidArgument
-/// naming the field, what was expected and what was found. Cost: linear in the message.
+/// Whether a message may go out, or be believed as far as its own fields tell. Errors: kUnsupported
+/// for another wire version, kInvalidArgument naming the field, what was expected and what was
+/// found. Cost: linear in the message.
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);

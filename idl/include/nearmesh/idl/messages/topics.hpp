@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// The table of topics: what each is called, what it carries, how it is delivered, who may write and read it, whether it is
-// recorded and under which key. Names, QoS, security documents, recorder and replay follow from it. No Fast DDS here.
-// A new topic is one entry here, one struct with its check (messages.hpp, nearmesh.idl), one codec (idl/dds/codec.hpp).
+// The table of topics: what each is called, what it carries, how it is delivered, who may write and
+// read it, whether it is recorded and under which key. Names, QoS, security documents, recorder and
+// replay follow from it. No Fast DDS here. A new topic is one entry here, one struct with its check
+// (messages.hpp, nearmesh.idl), one codec (idl/dds/codec.hpp).
 
 #include <array>
 #include <cstddef>
@@ -37,19 +38,20 @@ class Roles {
 
 /// What a topic promises its readers.
 struct Delivery {
-  /// All samples are kept until every reader has them, and a full history is seen at once as "cannot be taken now"; else the
-  /// newest, so that one frozen reader does not stop the others.
+  /// All samples are kept until every reader has them, and a full history is seen at once as
+  /// "cannot be taken now"; else the newest, so that one frozen reader does not stop the others.
   bool keeps_all = false;
   int depth = 1;            ///< samples kept per key; of keeps_all in total
   bool is_latched = false;  ///< whoever joins later gets what is kept
   bool is_reliable = true;  ///< a lost datagram is repaired within a heartbeat
-  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each second. All
-  /// readers answer each, so that many on a busy machine would be occupied with nothing else.
+  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with
+  /// no sample, and come each second. All readers answer each, so that many on a busy machine would
+  /// be occupied with nothing else.
   bool is_said_again = false;
-  bool is_routed =
-      false;  ///< its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all
-  bool is_paced =
-      false;  ///< large, and asked for by many at once: a burst would drown the link and its own repairs
+  /// Its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all.
+  bool is_routed = false;
+  /// Large, and asked for by many at once: a burst would drown the link and its own repairs.
+  bool is_paced = false;
 };
 
 /// What the table says of a topic, whatever its messages are.
@@ -59,23 +61,27 @@ struct TopicFacts {
   Delivery delivery;
   Roles writers;
   Roles readers;
-  /// Who overhears it: a publisher its rivals, a recorder the peers. Named behind what it reads in its permissions.
+  /// Who overhears it: a publisher its rivals, a recorder the peers. Named behind what it reads in
+  /// its permissions.
   Roles listeners{};
   bool has_partitions = false;  ///< each reader hears its own partition alone
-  /// Readers are few: each writer also signs for each of them apart, so that none can forge it to another.
+  /// Readers are few: each writer also signs for each of them apart, so that none can forge it to
+  /// another.
   bool signs_for_each = false;
   /// Its name carries the wire version, so that layouts of two versions never meet.
   bool is_versioned = true;
   bool is_recorded = false;
-  /// Recorded once for each process and name: who took part. Never replayed: it speaks of processes that are not there.
+  /// Recorded once for each process and name: who took part. Never replayed: it speaks of processes
+  /// that are not there.
   bool tells_who = false;
 };
 
 template <class Carried>
 struct Topic : TopicFacts {
   using Message = Carried;
-  /// The key under which a sample is recorded (RecordingWriter::append), so that what holds at a moment is found without
-  /// reading all; "" for a sample that holds nothing, nullptr where none does.
+  /// The key under which a sample is recorded (RecordingWriter::append), so that what holds at a
+  /// moment is found without reading all; "" for a sample that holds nothing, nullptr where none
+  /// does.
   std::string (*key)(const Message&) = nullptr;
 };
 
@@ -87,7 +93,8 @@ struct Topic : TopicFacts {
 [[nodiscard]] std::string key_of(SessionId peer, std::uint32_t part);
 
 inline constexpr std::tuple kTopics{
-    // The latest state of each publisher. Not versioned: one of another version must be heard in order to be refused loudly.
+    // The latest state of each publisher. Not versioned: one of another version must be heard in
+    // order to be refused loudly.
     Topic<Hello>{{.name = "hello",
                   .type = "nearmesh::wire_types::HelloSample",
                   .delivery = {.is_latched = true},
@@ -105,8 +112,8 @@ inline constexpr std::tuple kTopics{
                        .readers = {Role::kSubscriber, Role::kRecorder},
                        .is_recorded = true},
                       [](const MeshHeader& m) { return key_of(m.content_hash); }},
-    // A stream to one peer through its own writer, so keeping all stalls nobody else, and nothing is lost. The depth is more
-    // than the credit window ever lets out.
+    // A stream to one peer through its own writer, so keeping all stalls nobody else, and nothing
+    // is lost. The depth is more than the credit window ever lets out.
     Topic<SplitBatchMessage>{{.name = "split_batch",
                               .type = "nearmesh::wire_types::SplitBatchSample",
                               .delivery = {.keeps_all = true, .depth = 256},
@@ -116,8 +123,8 @@ inline constexpr std::tuple kTopics{
                               .signs_for_each = true,
                               .is_recorded = true},
                              [](const SplitBatchMessage& m) { return key_of(m.content_hash); }},
-    // A stream of requests. Not latched: a restarted publisher must not answer old ones. What is displaced while it waits
-    // unread is asked for again.
+    // A stream of requests. Not latched: a restarted publisher must not answer old ones. What is
+    // displaced while it waits unread is asked for again.
     Topic<RegionSubscription>{{.name = "region_subscription",
                                .type = "nearmesh::wire_types::RegionSubscriptionSample",
                                .delivery = {.depth = 256},
@@ -129,8 +136,9 @@ inline constexpr std::tuple kTopics{
                               [](const RegionSubscription& m) {
                                 return m.request == 0 ? std::string() : key_of(m.peer);
                               }},
-    // The latest poses of each part of a mover's bodies; latched for recorders. Peers hear them with best effort, for a lost one would hold
-    // up the next until it is repaired; those at rest are said again.
+    // The latest poses of each part of a mover's bodies; latched for recorders. Peers hear them
+    // with best effort, for a lost one would hold up the next until it is repaired; those at rest
+    // are said again.
     Topic<BodyPoses>{{.name = "body_poses",
                       .type = "nearmesh::wire_types::BodyPosesSample",
                       .delivery = {.is_latched = true, .is_said_again = true},
@@ -139,8 +147,8 @@ inline constexpr std::tuple kTopics{
                       .listeners = {Role::kRecorder},
                       .is_recorded = true},
                      [](const BodyPoses& m) { return key_of(m.peer, m.part); }},
-    // Of bodies of which promises are made: to those who want them, and to recorders. Peers hear them with best effort: the next is newer, and nobody has to
-    // be told of what went to others.
+    // Of bodies of which promises are made: to those who want them, and to recorders. Peers hear
+    // them with best effort: the next is newer, and nobody has to be told of what went to others.
     Topic<NearPoses>{{.name = "near_poses",
                       .type = "nearmesh::wire_types::BodyPosesSample",
                       .delivery = {.depth = 16, .is_routed = true},
@@ -182,8 +190,9 @@ inline constexpr std::tuple kTopics{
                           .listeners = {Role::kRecorder},
                           .signs_for_each = true,
                           .is_recorded = true}},
-    // Which bodies each peer knows of that watches all pairs; latched, so that whoever comes to record can prove what follows, and some
-    // that were replaced while it came: the first reports may be about these.
+    // Which bodies each peer knows of that watches all pairs; latched, so that whoever comes to
+    // record can prove what follows, and some that were replaced while it came: the first reports
+    // may be about these.
     Topic<WatchedBodies>{{.name = "watched_bodies",
                           .type = "nearmesh::wire_types::WatchedBodiesSample",
                           .delivery = {.depth = 16, .is_latched = true},
@@ -193,7 +202,8 @@ inline constexpr std::tuple kTopics{
                           .signs_for_each = true,
                           .is_recorded = true},
                          [](const WatchedBodies& m) { return key_of(m.peer, m.part); }},
-    // What bounds prove free, a sample a frame: nothing holds. Some seconds of them are kept, for each is another answer.
+    // What bounds prove free, a sample a frame: nothing holds. Some seconds of them are kept, for
+    // each is another answer.
     Topic<BoundsReport>{{.name = "bounds_report",
                          .type = "nearmesh::wire_types::BoundsReportSample",
                          .delivery = {.depth = 64},

@@ -22,15 +22,18 @@ namespace nearmesh::subscriber {
 
 struct DdsChannelOptions {
   wire::TransportOptions transport;
-  wire::SessionId session =
-      0;  ///< this peer's number on the bus, unlike all others'; 0: one drawn at random
-  /// All bodies that the host will ever name in its session, others' and its own, where it knows them beforehand. Peers are told: of
-  /// other bodies it hears a pose each five seconds alone, for the exercise's clock. Of a body that is not among them "no pose has
-  /// come", or an old one. None: it may name any. By UDP without identities, on an own participant; more than 64 names count as none.
+  /// This peer's number on the bus, unlike all others'; 0: one drawn at random.
+  wire::SessionId session = 0;
+  /// All bodies that the host will ever name in its session, others' and its own, where it knows
+  /// them beforehand. Peers are told: of other bodies it hears a pose each five seconds alone, for
+  /// the exercise's clock. Of a body that is not among them "no pose has come", or an old one.
+  /// None: it may name any. By UDP without identities, on an own participant; more than 64 names
+  /// count as none.
   std::optional<std::vector<std::string>> bodies;
-  /// Beside `bodies`: all that the host will ever move itself. Two peers that tell both, and of which neither names a body that the other
-  /// moves, are strangers: most never hear of each other (docs/network.md). A body that is moved and not told is complained of: peers that
-  /// name it may wait for it in vain.
+  /// Beside `bodies`: all that the host will ever move itself. Two peers that tell both, and of
+  /// which neither names a body that the other moves, are strangers: most never hear of each other
+  /// (docs/network.md). A body that is moved and not told is complained of: peers that name it may
+  /// wait for it in vain.
   std::vector<std::string> moves;
   /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
   /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
@@ -41,14 +44,15 @@ struct DdsChannelOptions {
 /// Samples about where bodies are, between this peer and another, since the start.
 struct PoseCounts {
   std::uint64_t heard_poses = 0, heard_promises = 0, heard_near = 0;
-  /// That the other wrote between two that were heard, and that never came or were displaced by later ones before they were taken. Also
-  /// those that it did not send here, since none of its bodies is named here (DdsChannelOptions::bodies).
+  /// That the other wrote between two that were heard, and that never came or were displaced by
+  /// later ones before they were taken. Also those that it did not send here, since none of its
+  /// bodies is named here (DdsChannelOptions::bodies).
   std::uint64_t lost_poses = 0, lost_promises = 0;
   std::uint64_t sent_near = 0;  ///< to it alone; beside its heard_near, this tells what was lost
 };
 
-/// A peer's way to the bus. Make it, hand it to a Session, and forget it; take() and the rest are the session's.
-/// Threads: all functions, any thread.
+/// A peer's way to the bus. Make it, hand it to a Session, and forget it; take() and the rest are
+/// the session's. Threads: all functions, any thread.
 class DdsChannel final : public Channel {
  public:
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
@@ -80,16 +84,19 @@ class DdsChannel final : public Channel {
   void tell_held(const wire::HeldDetail& held) override;
   void tell_watched(const wire::WatchedBodies& watched) override;
   void tell_bounds(const wire::BoundsReport& bounds) override;
-  /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
+  /// Whether somebody records what this peer says from now on. Recorders of some topics count where
+  /// held_detail is one.
   [[nodiscard]] bool has_recorder() const override;
-  /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and nobody hears it.
+  /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and
+  /// nobody hears it.
   [[nodiscard]] Status identity() const;
   /// By the other's session, of the kMaxWaitingOthers that were heard last. Threads: any.
   [[nodiscard]] std::map<wire::SessionId, PoseCounts> pose_counts() const;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;
-  /// For programs without a frame loop: blocks until take() has something, or so many seconds (at least 0) are over.
+  /// For programs without a frame loop: blocks until take() has something, or so many seconds (at
+  /// least 0) are over.
   void wait(double seconds);
 
  private:

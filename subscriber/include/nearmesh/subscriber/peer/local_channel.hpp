@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A peer's channel without a network: serves models straight from their .spm files, chosen as a publisher
-// chooses. For hosts' unit tests, and for programs that have the files at hand. Takes RegionSubscription, gives
-// SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).
+// A peer's channel without a network: serves models straight from their .spm files, chosen as a
+// publisher chooses. For hosts' unit tests, and for programs that have the files at hand. Takes
+// RegionSubscription, gives SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).
 
 #include <map>
 #include <memory>
@@ -21,26 +21,29 @@ class WorldSource;
 
 namespace nearmesh::subscriber {
 
-/// A request that is sent in one update is answered in full in the next, so a host's test is: add the models, make a
-/// Session, update until it is certified; the same numbers of updates on every machine, since no clock is involved.
-/// Memory: what the requests touch of the files. Cost: of an answer as in demand/collect.hpp, in the caller's send().
-/// Threads: one at a time, the Session's; models of two channels do not share anything.
+/// A request that is sent in one update is answered in full in the next, so a host's test is: add
+/// the models, make a Session, update until it is certified; the same numbers of updates on every
+/// machine, since no clock is involved. Memory: what the requests touch of the files. Cost: of an
+/// answer as in demand/collect.hpp, in the caller's send(). Threads: one at a time, the Session's;
+/// models of two channels do not share anything.
 class LocalChannel final : public Channel {
  public:
   LocalChannel();
   ~LocalChannel() override;
 
-  /// Serves a model under a name, from the next take() on; also later, as a publisher may come that late.
-  /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
+  /// Serves a model under a name, from the next take() on; also later, as a publisher may come that
+  /// late. Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the
+  /// same content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
 
-  /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and detail as they are asked for, as many tiles open as a
-  /// publisher has.
+  /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and
+  /// detail as they are asked for, as many tiles open as a publisher has.
   /// Errors: as add_model(); kNotFound, kIo, kCorrupt, kUnsupported, naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder);
 
-  /// False: as when the network goes down; the publisher is lost, nothing is answered, who moved the other bodies has left,
-  /// and nobody's pose arrives until it is true again. To test what a host does while answers are uncertain.
+  /// False: as when the network goes down; the publisher is lost, nothing is answered, who moved
+  /// the other bodies has left, and nobody's pose arrives until it is true again. To test what a
+  /// host does while answers are uncertain.
   void set_connected(bool connected);
 
   /// As if another peer had moved one of its bodies. Dropped while not connected.
@@ -48,8 +51,9 @@ class LocalChannel final : public Channel {
   [[nodiscard]] Status deliver(const wire::BodyPose& pose);
 
   [[nodiscard]] wire::SessionId own_id() const override { return kPeer; }
-  /// Seconds, of the caller's in this call and in send(). What is left of an answer follows later, as from a slow link. Too little for
-  /// a step of the work: nothing is done, but a step in each eighth such call. Never called: all at once.
+  /// Seconds, of the caller's in this call and in send(). What is left of an answer follows later,
+  /// as from a slow link. Too little for a step of the work: nothing is done, but a step in each
+  /// eighth such call. Never called: all at once.
   void allow(double seconds) override;
   [[nodiscard]] double needs_s() const override;
   void send(const wire::RegionSubscription& subscription) override;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// How far a body, or a part of one, is from certified answers, and why it is not there yet. Takes what the last update
-// found; nothing here waits for all bodies at once.
+// How far a body, or a part of one, is from certified answers, and why it is not there yet. Takes
+// what the last update found; nothing here waits for all bodies at once.
 
 #include <cstddef>
 #include <cstdint>
@@ -19,8 +19,8 @@ enum class ReadyStage : std::uint8_t {
 /// "waiting", "answering", "certified".
 [[nodiscard]] const char* to_string(ReadyStage stage);
 
-/// Of one body. Never certified by default: not before an update has answered all its pairs, and not where none is
-/// watched.
+/// Of one body. Never certified by default: not before an update has answered all its pairs, and
+/// not where none is watched.
 struct Readiness {
   ReadyStage stage = ReadyStage::kWaiting;
   std::size_t pairs = 0,
@@ -28,9 +28,9 @@ struct Readiness {
   std::string reason;         ///< of the first pair that is least far; empty when certified
 };
 
-/// Of a box in a body's model. `resolved`: all that the full mesh has there is here, so no answer about what happens
-/// there waits for this body. Else the rest says what is missing. Nothing is asked for: detail comes where a watched body
-/// is, or will be within the look-ahead.
+/// Of a box in a body's model. `resolved`: all that the full mesh has there is here, so no answer
+/// about what happens there waits for this body. Else the rest says what is missing. Nothing is
+/// asked for: detail comes where a watched body is, or will be within the look-ahead.
 struct RegionReadiness {
   bool resolved = false;
   std::size_t unresolved_nodes = 0;    ///< whose box meets the region

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The active bounding tree of a replica: follows refinement at the cost of what arrived.
-// A sparse upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes of at most
-// 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
-// above enclose what is below them. Takes RefineDelta, gives TreeView.
-// Source: Liu, Georganas, Roth 2006, section 3.3 (AB-tree; its inner workings are known from Table 1 there only, so this is
-// our own design). How it works inside: core/abtree/ab_tree.cpp.
+// The active bounding tree of a replica: follows refinement at the cost of what arrived. A sparse
+// upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes
+// of at most 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose
+// boxes stand as they came. Boxes above enclose what is below them. Takes RefineDelta, gives
+// TreeView. Source: Liu, Georganas, Roth 2006, section 3.3 (AB-tree; its inner workings are known
+// from Table 1 there only, so this is our own design). How it works inside:
+// core/abtree/ab_tree.cpp.
 
 #include <array>
 #include <cstdint>
@@ -37,8 +38,9 @@ class AbTree {
   AbTree& operator=(AbTree&&) noexcept;
   ~AbTree();
 
-  /// Follows one operation of the mesh. Must be called for each, in order, and before a collapsed node's splits are
-  /// forgotten by the store. Cost: O(changed slots and their neighbours); nothing when the delta is empty.
+  /// Follows one operation of the mesh. Must be called for each, in order, and before a collapsed
+  /// node's splits are forgotten by the store. Cost: O(changed slots and their neighbours); nothing
+  /// when the delta is empty.
   void update(const RefineDelta& delta);
 
   [[nodiscard]] TreeView view(const Grid& grid) const {
@@ -46,8 +48,8 @@ class AbTree {
             &mesh_->store(), &mesh_->store().surface(), &mesh_->half_spaces()};
   }
   [[nodiscard]] AbTreeStats stats() const;
-  /// The slot of which the last update() found an exact face outside the box that must enclose it: what was sent of the model
-  /// contradicts itself. Size 0: none.
+  /// The slot of which the last update() found an exact face outside the box that must enclose it:
+  /// what was sent of the model contradicts itself. Size 0: none.
   [[nodiscard]] NodeSpan contradiction() const { return contradiction_; }
 
  private:
@@ -70,8 +72,8 @@ class AbTree {
     bool queued = false;            // in pending_
     std::uint32_t exact_count = 0;  // faces in the micro tree
     GridBox bounds;                 // of a slot: its node's box; empty until it is asked for
-    std::vector<FaceKey>
-        inherited;                // known faces of splits above it whose home vertex lies in `node`
+    // Known faces of splits above it whose home vertex lies in `node`.
+    std::vector<FaceKey> inherited;
     std::vector<Watch> watchers;  // who waits for a corner here, or might lose one
 
     [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }

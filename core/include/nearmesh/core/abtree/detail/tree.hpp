@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the query walks: a tree of boxes in one model's grid, eight children a node, side by side for vector tests, whose
-// ends hold exact faces or unresolved nodes. AbTree makes one that follows a replica; build_triangle_tree makes one
-// over a fixed set of triangles (the full-mesh reference, and the coarse meshes that the uncertified methods test).
+// What the query walks: a tree of boxes in one model's grid, eight children a node, side by side
+// for vector tests, whose ends hold exact faces or unresolved nodes. AbTree makes one that follows
+// a replica; build_triangle_tree makes one over a fixed set of triangles (the full-mesh reference,
+// and the coarse meshes that the uncertified methods test).
 
 #include <array>
 #include <bit>
@@ -84,7 +85,8 @@ struct TreeNode {
       lanes |= 1U << lane;
     }
   }
-  /// Whether set() would change nothing. Number by number: what was written by number is slow to read by the word.
+  /// Whether set() would change nothing. Number by number: what was written by number is slow to
+  /// read by the word.
   [[nodiscard]] bool holds(std::uint32_t lane, const TreeEntry& entry) const {
     bool same = (lanes >> lane & 1U) != 0 && first[lane] == entry.first &&
                 kind_and_count[lane] == entry.kind_and_count &&
@@ -116,9 +118,10 @@ struct TreeView {
   const Grid* grid = nullptr;
   std::span<const TreeNode> nodes;
   std::span<const FaceBlock> blocks;
-  const SplitStore* store =
-      nullptr;  ///< of the progressive model; none for a fixed set of triangles
-  /// Of the full mesh, for questions about inside and outside; none where the triangles are not known to be one.
+  /// Of the progressive model; none for a fixed set of triangles.
+  const SplitStore* store = nullptr;
+  /// Of the full mesh, for questions about inside and outside; none where the triangles are not
+  /// known to be one.
   const SurfaceFacts* surface = nullptr;
   const HalfSpaces* half_spaces = nullptr;  ///< of unresolved nodes; none where there is no store
 
@@ -142,7 +145,8 @@ struct TriangleTree {
   Grid grid;
   std::vector<TreeNode> nodes;
   std::vector<FaceBlock> blocks;
-  /// To be set where the triangles are a model's full mesh and may be asked about inside and outside.
+  /// To be set where the triangles are a model's full mesh and may be asked about inside and
+  /// outside.
   std::optional<SurfaceFacts> surface = std::nullopt;
   [[nodiscard]] TreeView view() const {
     return {&grid, nodes, blocks, nullptr, surface ? &*surface : nullptr};
@@ -153,8 +157,8 @@ struct TriangleTree {
                                                const std::vector<TreeFace>& faces);
 /// All triangles of the current mesh of a replica, exact or not, with positions.
 [[nodiscard]] std::vector<TreeFace> current_triangles(const ActiveMesh& mesh);
-/// The tree over a model's full mesh, with the facts about its surface: the reference that certified answers must equal.
-/// Nothing where the store lacks a split. O(n log n).
+/// The tree over a model's full mesh, with the facts about its surface: the reference that
+/// certified answers must equal. Nothing where the store lacks a split. O(n log n).
 [[nodiscard]] std::optional<TriangleTree> build_full_tree(const SpmHeader& header,
                                                           const SplitStore& store);
 

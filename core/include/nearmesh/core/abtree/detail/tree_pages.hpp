@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The memory of trees that change: nodes and blocks of faces by place, reused when they are free again. Their pages come
-// from the kernel on first use and are never moved or copied.
+// The memory of trees that change: nodes and blocks of faces by place, reused when they are free
+// again. Their pages come from the kernel on first use and are never moved or copied.
 
 #include <algorithm>
 #include <span>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A zero-initialised array over all ids of a model whose memory is only what is touched: pages come from the
-// kernel on first use. Ids are depth-first ranks, so what is touched together lies together.
+// A zero-initialised array over all ids of a model whose memory is only what is touched: pages come
+// from the kernel on first use. Ids are depth-first ranks, so what is touched together lies
+// together.
 
 #include <sys/mman.h>
 
@@ -53,8 +54,8 @@ class LazyArray {
     size_ = size;
   }
 
-  /// Asks the kernel for the pages of [first, first + count) at once, which costs half of what it costs one by one where
-  /// they are touched. No other effect.
+  /// Asks the kernel for the pages of [first, first + count) at once, which costs half of what it
+  /// costs one by one where they are touched. No other effect.
   void prepare(std::size_t first, std::size_t count) {
     NEARMESH_ASSERT(first + count <= size_);
     constexpr std::uintptr_t kPage = 4096;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A zero-initialised array over all ids of a model, of which few are set: a peer holds a hundred splits of a tile of half a
-// million vertices. They lie apart, each on a page of its own, so a LazyArray of them takes forty times their size. Here they
-// lie together in a hash table until there are many; from then on it is a LazyArray, which is read faster.
+// A zero-initialised array over all ids of a model, of which few are set: a peer holds a hundred
+// splits of a tile of half a million vertices. They lie apart, each on a page of its own, so a
+// LazyArray of them takes forty times their size. Here they lie together in a hash table until
+// there are many; from then on it is a LazyArray, which is read faster.
 
 #include <algorithm>
 #include <bit>
@@ -51,7 +52,8 @@ class SparseArray {
       set_[place] = T{};
     }
   }
-  /// Tells the processor that the element will be needed soon. No other effect, also where there is none.
+  /// Tells the processor that the element will be needed soon. No other effect, also where there is
+  /// none.
   void prefetch(std::size_t i) const {
     if (i >= all_.size()) return;
     if (is_array_) {
@@ -62,8 +64,8 @@ class SparseArray {
   }
 
  private:
-  // Up to kSmall are an array from the start, others once more than one in kDense are set. One in 16 costs who loads a whole
-  // model another 7 %.
+  // Up to kSmall are an array from the start, others once more than one in kDense are set. One in
+  // 16 costs who loads a whole model another 7 %.
   static constexpr std::size_t kSmall = 256, kDense = 64, kFirstRoom = 64;
   struct Cell {
     std::uint32_t id, place;  // in set_; 0: a free cell
@@ -93,7 +95,8 @@ class SparseArray {
     }
     return set_[table_[at].place];
   }
-  // Without what was unset; in the array where enough is left. Where there is no memory nothing has changed.
+  // Without what was unset; in the array where enough is left. Where there is no memory nothing has
+  // changed.
   void make_room() {
     std::vector<Cell> kept;
     for (const Cell& cell : table_) {
@@ -124,8 +127,8 @@ class SparseArray {
   int shift_ = 0;
   std::vector<Cell> table_;  // at least half of it free
   std::vector<T> set_;
-  // Its addresses are there from the start, so that who has none left is told at once; its pages when it holds the elements,
-  // instead of the two above.
+  // Its addresses are there from the start, so that who has none left is told at once; its pages
+  // when it holds the elements, instead of the two above.
   LazyArray<T> all_;
 };
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Conservative separation tests between boxes and triangles of two posed models, at rest or adrift. "Apart" is always
-// true of the posed integer geometry (pose_point): rounding of posed vertices and of doubles is
-// inside the slack. Plain double arithmetic without contraction: the same outcome on every machine.
-// Source: Gottschalk, Lin, Manocha 1996, section 5 (fifteen axes); ours assumes no orthonormality
-// and has no absolute epsilon on near-parallel edges: every error scales with the axis, see the
-// .cpp.
+// Conservative separation tests between boxes and triangles of two posed models, at rest or adrift.
+// "Apart" is always true of the posed integer geometry (pose_point): rounding of posed vertices and
+// of doubles is inside the slack. Plain double arithmetic without contraction: the same outcome on
+// every machine. Source: Gottschalk, Lin, Manocha 1996, section 5 (fifteen axes); ours assumes no
+// orthonormality and has no absolute epsilon on near-parallel edges: every error scales with the
+// axis, see the .cpp.
 
 #include <limits>
 
@@ -29,8 +29,8 @@ struct RelativeFrame {
   std::array<double, 3> translation{};   ///< in A's grid units
   std::array<double, 9> inverse{};       ///< of rotation
   std::array<double, 9> abs_inverse{};   ///< |inverse|
-  std::array<double, 9>
-      abs_cofactor{};          ///< [3 i + l]: |e_i . (column j x column k)|, {j,k,l} all three
+  /// [3 i + l]: |e_i . (column j x column k)|, {j,k,l} all three.
+  std::array<double, 9> abs_cofactor{};
   double slack = 0;            ///< bound of all rounding, in A's grid units (Euclidean length)
   double metres_per_unit = 0;  ///< A's cell
   double least_metres_per_unit = 0;    ///< the shortest that A's posed unit can be (near-rotations)
@@ -51,19 +51,20 @@ struct RelativeFrame {
 /// corners in a meets one with corners in b. 15 separating axes; false proves nothing.
 [[nodiscard]] bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b);
 
-/// True where balls around both boxes are apart by far more than anything rounds: boxes_apart says so too then. Needs no
-/// relative frame: bodies far apart cost a fifth of it.
+/// True where balls around both boxes are apart by far more than anything rounds: boxes_apart says
+/// so too then. Needs no relative frame: bodies far apart cost a fifth of it.
 [[nodiscard]] bool balls_apart(const PosedFrame& frame_a, const GridBox& a,
                                const PosedFrame& frame_b, const GridBox& b);
 
 /// A lower bound in metres of the distance between any posed triangle with corners in a and any
-/// with corners in b; 0 when no axis separates the boxes. Positive exactly when boxes_apart.
-/// A bound of enough_m, where one is found before all axes were looked at, may be less than that of all.
+/// with corners in b; 0 when no axis separates the boxes. Positive exactly when boxes_apart. A
+/// bound of enough_m, where one is found before all axes were looked at, may be less than that of
+/// all.
 [[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b,
                                  double enough_m = std::numeric_limits<double>::infinity());
 
-/// Box b along a's axes, to be held against many of a's boxes. A gap along one of these, in metres, is a bound as
-/// boxes_gap_m is one, and no more than that but for what doubles round.
+/// Box b along a's axes, to be held against many of a's boxes. A gap along one of these, in metres,
+/// is a bound as boxes_gap_m is one, and no more than that but for what doubles round.
 struct Extent {
   std::array<double, 3> lo{}, hi{};  ///< A's grid units; with the slack
   double metres_per_unit = 0;        ///< at least
@@ -87,7 +88,8 @@ using DoubleTriangle = std::array<std::array<double, 3>, 3>;
 [[nodiscard]] double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a,
                                      const DoubleTriangle& b);
 
-/// The way from A's triangle to B's where they are nearest, both in A's grid units; nearly, and 0 where they meet.
+/// The way from A's triangle to B's where they are nearest, both in A's grid units; nearly, and 0
+/// where they meet.
 [[nodiscard]] std::array<double, 3> shortest_way(const DoubleTriangle& a, const DoubleTriangle& b);
 
 /// How B may move against A: as a whole by s * along, s in [-1, 1], and every point besides by at
@@ -111,13 +113,14 @@ struct Drift {
 [[nodiscard]] bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift,
                                         const DoubleTriangle& a, const DoubleTriangle& b);
 
-/// A half-space that holds a part of model A: normal . x <= bound for all its points x, A's grid units. Exact: |normal|_1 and
-/// |bound| are whole numbers below 2^9 and 2^42.
+/// A half-space that holds a part of model A: normal . x <= bound for all its points x, A's grid
+/// units. Exact: |normal|_1 and |bound| are whole numbers below 2^9 and 2^42.
 struct BoundedPart {
   std::array<double, 3> normal{};
   double bound = 0;
 };
-/// The part and box b (B's grid) stay apart under the drift: no posed triangle of the part's meets one with corners in b.
+/// The part and box b (B's grid) stay apart under the drift: no posed triangle of the part's meets
+/// one with corners in b.
 [[nodiscard]] bool half_space_box_stay_apart(const RelativeFrame& f, const Drift& drift,
                                              const BoundedPart& a, const CenteredBox& b);
 /// The same of triangle t (B's, by to_a_units).

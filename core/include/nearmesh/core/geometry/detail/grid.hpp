@@ -67,9 +67,10 @@ struct Grid {
   std::array<double, 3> origin_m{};  ///< each a multiple of the cell
   int exponent = 0;                  ///< the cell is 2^exponent metres
   int bits = 21;                     ///< coordinates lie in [0, 2^bits)
-  /// Models that border on each other may share a lattice: one cell, one number of bits and one origin. These are the
-  /// cells from the lattice's origin to origin_m, each within kMaxLatticeCells. A pose then places the points that
-  /// two of them share alike, to the bit. 0: the lattice is the model's own.
+  /// Models that border on each other may share a lattice: one cell, one number of bits and one
+  /// origin. These are the cells from the lattice's origin to origin_m, each within
+  /// kMaxLatticeCells. A pose then places the points that two of them share alike, to the bit. 0:
+  /// the lattice is the model's own.
   std::array<std::int64_t, 3> lattice_cells{};
 
   [[nodiscard]] bool shares_lattice() const {
@@ -85,11 +86,11 @@ struct Grid {
   bool operator==(const Grid&) const = default;
 };
 
-/// A lattice for models that border on each other: the vertices that two of them share, equal in the input, are equal
-/// afterwards, and under each pose (Grid::lattice_cells).
+/// A lattice for models that border on each other: the vertices that two of them share, equal in
+/// the input, are equal afterwards, and under each pose (Grid::lattice_cells).
 struct CommonLattice {
-  std::array<double, 3>
-      origin_m{};  ///< whole cells, within 2^52 of them; near the models, as posing is finest there
+  /// Whole cells, within 2^52 of them; near the models, as posing is finest there.
+  std::array<double, 3> origin_m{};
   int exponent = 0;  ///< the cell is 2^exponent metres
 
   /// The grid that begins so many cells from the origin.
@@ -104,7 +105,8 @@ struct CommonLattice {
 
 /// 2^32 cells an axis are a planet in steps of 3 mm.
 inline constexpr std::int64_t kMaxLatticeCells = std::int64_t{1} << 31;
-/// Whether cells so far from zero, whole numbers, and a place so many cells from them are exact in doubles.
+/// Whether cells so far from zero, whole numbers, and a place so many cells from them are exact in
+/// doubles.
 [[nodiscard]] inline bool is_lattice_place(double origin_cells, std::int64_t lattice_cells) {
   return lattice_cells >= -kMaxLatticeCells && lattice_cells <= kMaxLatticeCells &&
          std::fabs(origin_cells) <= 0x1p52 && origin_cells == std::floor(origin_cells);
@@ -112,8 +114,8 @@ inline constexpr std::int64_t kMaxLatticeCells = std::int64_t{1} << 31;
 
 inline constexpr int kMinGridBits = 4;
 inline constexpr int kMaxGridBits = 31;
-/// Cells are no smaller than 2^-kMaxGridExponent and no larger than 2^kMaxGridExponent metres, so that
-/// no length of a model leaves the range of a double.
+/// Cells are no smaller than 2^-kMaxGridExponent and no larger than 2^kMaxGridExponent metres, so
+/// that no length of a model leaves the range of a double.
 inline constexpr int kMaxGridExponent = 500;
 
 }  // namespace nearmesh

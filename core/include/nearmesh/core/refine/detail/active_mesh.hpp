@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which vertices of a progressive mesh are active: the state of a replica, as a set.
-// The mesh is a function of that set (each corner replaced by its nearest active predecessor), so order of arrival,
-// repetition and loss cannot change the result, and there are no cracks between fine and coarse.
-// Source: Liu, Georganas, Roth 2006, section 3.3 (Local Vertex Split, Local Edge Collapse). Departure: a split's only
-// legal condition is that its node is current ("ancestors" closure); Hoppe's neighbour conditions are not needed for certified answers.
+// Which vertices of a progressive mesh are active: the state of a replica, as a set. The mesh is a
+// function of that set (each corner replaced by its nearest active predecessor), so order of
+// arrival, repetition and loss cannot change the result, and there are no cracks between fine and
+// coarse. Source: Liu, Georganas, Roth 2006, section 3.3 (Local Vertex Split, Local Edge Collapse).
+// Departure: a split's only legal condition is that its node is current ("ancestors" closure);
+// Hoppe's neighbour conditions are not needed for certified answers.
 
 #include <cstdint>
 #include <vector>
@@ -37,7 +38,8 @@ class ActiveMesh {
   [[nodiscard]] bool is_active(VertexId v) const {
     return (bits_[v.value >> 6] >> (v.value & 63U) & 1U) != 0;
   }
-  /// Active and standing for itself alone: a vertex of the full mesh in its final place. What stands for more is unresolved.
+  /// Active and standing for itself alone: a vertex of the full mesh in its final place. What
+  /// stands for more is unresolved.
   [[nodiscard]] bool is_resolved(VertexId v) const {
     // No branch: what comes of it is hard to foretell.
     const std::uint64_t* words = bits_.data();
@@ -45,7 +47,8 @@ class ActiveMesh {
     NEARMESH_ASSERT((after >> 6) < bits_.size());
     return (words[v.value >> 6] >> (v.value & 63U) & words[after >> 6] >> (after & 63U) & 1U) != 0;
   }
-  /// Which of [first, first + 64) are active, a bit for each; bits of ids beyond the last mean nothing.
+  /// Which of [first, first + 64) are active, a bit for each; bits of ids beyond the last mean
+  /// nothing.
   [[nodiscard]] std::uint64_t active_bits(VertexId first) const {
     const std::uint64_t* word = bits_.data() + (first.value >> 6);
     const std::uint32_t offset = first.value & 63U;
@@ -69,19 +72,21 @@ class ActiveMesh {
   /// Local Vertex Split: does the split and, before it, all that it rests on. Appends to `delta`.
   /// False, with nothing changed, when the store lacks one of them. Cost: O(splits done).
   [[nodiscard]] bool split(VertexId u, RefineDelta& delta);
-  /// Local Edge Collapse: makes `node` whole again. Appends to `delta`; nothing happens when it is whole or coarser.
-  /// Cost: O(size / 64).
+  /// Local Edge Collapse: makes `node` whole again. Appends to `delta`; nothing happens when it is
+  /// whole or coarser. Cost: O(size / 64).
   void collapse(NodeSpan node, RefineDelta& delta);
 
-  /// Takes a half-space of an unresolved node of the current front; it is gone when the node is split, or collapsed with one
-  /// above. Appends to `delta`. False where nothing changed: see HalfSpaces. Precondition: is_current(node), of two vertices or more.
+  /// Takes a half-space of an unresolved node of the current front; it is gone when the node is
+  /// split, or collapsed with one above. Appends to `delta`. False where nothing changed: see
+  /// HalfSpaces. Precondition: is_current(node), of two vertices or more.
   bool add_half_space(NodeSpan node, const HalfSpace& half_space, RefineDelta& delta);
   /// Of the unresolved nodes.
   [[nodiscard]] const HalfSpaces& half_spaces() const { return half_spaces_; }
 
   /// Number of splits done.
   [[nodiscard]] std::uint32_t split_count() const { return split_count_; }
-  /// Digest of the set of active vertices and of the half-spaces, a sum; equal sets have equal digests.
+  /// Digest of the set of active vertices and of the half-spaces, a sum; equal sets have equal
+  /// digests.
   [[nodiscard]] std::uint64_t state_hash() const { return hash_; }
 
  private:
@@ -89,21 +94,23 @@ class ActiveMesh {
   void drop_half_spaces(VertexId first);
 
   const SplitStore* store_;
-  LazyArray<std::uint64_t>
-      bits_;  // one past the last vertex is set, so that is_resolved needs no bound
+  // One past the last vertex is set, so that is_resolved needs no bound.
+  LazyArray<std::uint64_t> bits_;
   std::vector<VertexId> stack_;
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;
   HalfSpaces half_spaces_;
 };
 
-/// The splits done, as one treelet on the base mesh: what would have to be sent to reach this state.
+/// The splits done, as one treelet on the base mesh: what would have to be sent to reach this
+/// state.
 [[nodiscard]] Treelet active_treelet(const ActiveMesh& mesh);
-/// The first `count` splits of global progressive refinement: largest node first, ties to the lower id. Parents come
-/// before children. Needs a complete store. Cost: O(n log n).
+/// The first `count` splits of global progressive refinement: largest node first, ties to the lower
+/// id. Parents come before children. Needs a complete store. Cost: O(n log n).
 [[nodiscard]] std::vector<VertexId> global_order(const SplitStore& store, std::uint32_t count);
 
-/// A face of the current mesh: original corners replaced by the active vertices that stand for them.
+/// A face of the current mesh: original corners replaced by the active vertices that stand for
+/// them.
 struct ActiveFace {
   FaceKey key;
   std::array<VertexId, 3> corners;

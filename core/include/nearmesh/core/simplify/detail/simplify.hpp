@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Half-edge collapses by quadric error down to a small base (takes GridMesh, gives CollapseLog).
-// Sources: Garland and Heckbert 1997 (quadrics), Hoppe 1996 (progressive meshes), Liu,
-// Georganas, Roth 2006, section 3.3. Departures: the kept vertex stays where it is, so every vertex of every level is an
-// original vertex; flips are tested against the original normals too (small turns would add up);
-// the topology may break, at a price, so that debris goes before what matters; parts that vanish
-// whole are merged into near ones.
+// Sources: Garland and Heckbert 1997 (quadrics), Hoppe 1996 (progressive meshes), Liu, Georganas,
+// Roth 2006, section 3.3. Departures: the kept vertex stays where it is, so every vertex of every
+// level is an original vertex; flips are tested against the original normals too (small turns would
+// add up); the topology may break, at a price, so that debris goes before what matters; parts that
+// vanish whole are merged into near ones.
 
 #include <cstdint>
 #include <functional>
@@ -36,8 +36,8 @@ struct SimplifyOptions {
 };
 
 struct CollapseLog {
-  std::vector<Collapse>
-      collapses;  ///< in order; each `removed` occurs once and never again as `kept`
+  /// In order; each `removed` occurs once and never again as `kept`.
+  std::vector<Collapse> collapses;
   std::uint64_t edge_collapses = 0;  ///< the first ones in the log
   std::uint64_t clustered = 0;       ///< the rest: vertices without faces, by nearness
   std::uint64_t base_faces = 0;      ///< faces of three distinct vertices after all collapses
@@ -53,10 +53,11 @@ struct CollapseLog {
 /// no face turns by more than 60 degrees from its input normal until nothing else can collapse.
 /// Deterministic: costs are compared to 7 bits of mantissa, ties go to the shallower subtrees (the
 /// forest stays balanced: a flat 256 x 256 grid gives 12 levels), then to the place in Morton
-/// order. Of a mesh of more than some 50,000 vertices, cells of 16,384 are simplified apart as far as
-/// a cost that samples suggest, on several threads, before the whole is: the error stays that of the
-/// whole alone. Cost: O(n log n) time (1 M faces of terrain in 0.9 s on one core), also where all faces share
-/// one vertex, about 140 bytes a vertex (230 of a small mesh). Throws nothing but bad_alloc.
+/// order. Of a mesh of more than some 50,000 vertices, cells of 16,384 are simplified apart as far
+/// as a cost that samples suggest, on several threads, before the whole is: the error stays that of
+/// the whole alone. Cost: O(n log n) time (1 M faces of terrain in 0.9 s on one core), also where
+/// all faces share one vertex, about 140 bytes a vertex (230 of a small mesh). Throws nothing but
+/// bad_alloc.
 [[nodiscard]] CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options);
 
 }  // namespace nearmesh

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a peer says of its bodies and of what it holds, so that a publisher chooses the detail that certifies its answers.
+// What a peer says of its bodies and of what it holds, so that a publisher chooses the detail that
+// certifies its answers.
 
 #include <array>
 #include <cstddef>
@@ -17,8 +18,8 @@ struct CertificateRequest {
   struct Model {
     ContentHash content;
     std::uint64_t state = 0;  ///< digest of the set of splits that the peer has done
-    std::vector<std::uint8_t>
-        held;  ///< these splits (replica/held_nodes.hpp), if it was asked for them
+    /// These splits (replica/held_nodes.hpp), if it was asked for them.
+    std::vector<std::uint8_t> held;
   };
   /// Body b as seen from body a, whose pose is the identity and which rests.
   struct Pair {
@@ -35,7 +36,8 @@ struct CertificateRequest {
 
 inline constexpr std::size_t kMaxAskedModels = 16, kMaxAskedPairs = 64;
 
-/// Checks a request from outside; none of its content. Errors: kInvalidArgument naming what is out of range.
+/// Checks a request from outside; none of its content. Errors: kInvalidArgument naming what is out
+/// of range.
 [[nodiscard]] Status check_request(const CertificateRequest& request);
 
 }  // namespace nearmesh

@@ -19,7 +19,8 @@ struct TreeletSplit {
   VertexId split;
   bool left_included = false, right_included = false;
 };
-/// Splits in preorder (NodeSpan's order); a split's parent is in the treelet or its node is an attach node.
+/// Splits in preorder (NodeSpan's order); a split's parent is in the treelet or its node is an
+/// attach node.
 using Treelet = std::vector<TreeletSplit>;
 
 enum class BoxPolicy : std::uint8_t {
@@ -27,42 +28,48 @@ enum class BoxPolicy : std::uint8_t {
   kAllNodes,  ///< file: a box on every child of size > 1
 };
 
-/// A batch is stored and sent under a seal that follows it: a hash of its bytes, keyed by the content that it is of.
+/// A batch is stored and sent under a seal that follows it: a hash of its bytes, keyed by the
+/// content that it is of.
 inline constexpr std::size_t kSealBytes = 4;
-/// Largest batch with its seal: with 44 bytes of sample fields and 140 of RTPS it fits one 1,400-byte datagram (Fast DDS 2.9.1
-/// cuts a sample in two from 1,225 bytes on).
+/// Largest batch with its seal: with 44 bytes of sample fields and 140 of RTPS it fits one
+/// 1,400-byte datagram (Fast DDS 2.9.1 cuts a sample in two from 1,225 bytes on).
 inline constexpr std::size_t kMaxSealedBytes = 1180;
 inline constexpr std::size_t kMaxBatchBytes = kMaxSealedBytes - kSealBytes;
-/// What the first byte is of a piece of an audit, which travels as batches do, where a batch has its box policy.
+/// What the first byte is of a piece of an audit, which travels as batches do, where a batch has
+/// its box policy.
 inline constexpr std::uint8_t kAuditPiece = 2;
 /// The same of a batch with half-spaces: its box policy is kCutNodes.
 inline constexpr std::uint8_t kWithHalfSpaces = 3;
 [[nodiscard]] inline bool is_audit_piece(std::span<const std::uint8_t> batch) {
   return !batch.empty() && batch.front() == kAuditPiece;
 }
-/// What a sealed batch costs on the wire beyond its own bytes: sample fields, RTPS, UDP and IP. Measured on a capture. Fast DDS 3 adds
-/// 60 bytes of statistics, which the door leaves out of what 2.9 sends.
+/// What a sealed batch costs on the wire beyond its own bytes: sample fields, RTPS, UDP and IP.
+/// Measured on a capture. Fast DDS 3 adds 60 bytes of statistics, which the door leaves out of what
+/// 2.9 sends.
 inline constexpr std::size_t kBatchFramingBytes = 144;
 
-/// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes alone.
-/// The store must know every split named; it need not hold all of the model: a node that came without a box is given one
-/// around its nearest ancestor's.
-/// `half_spaces`, ascending, with box policy kCutNodes: of nodes that a split of the treelet makes and none divides, at some 20
-/// bits each, and of nodes that are disjoint from these and from each other, which the receiver holds. At most
-/// kMaxHalfSpaces a node, one a direction. Cost: about 200 ns a split.
+/// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes
+/// alone. The store must know every split named; it need not hold all of the model: a node that
+/// came without a box is given one around its nearest ancestor's.
+/// `half_spaces`, ascending, with box policy kCutNodes: of nodes that a split of the treelet makes
+/// and none divides, at some 20 bits each, and of nodes that are disjoint from these and from each
+/// other, which the receiver holds. At most kMaxHalfSpaces a node, one a direction. Cost: about 200
+/// ns a split.
 [[nodiscard]] std::vector<std::vector<std::uint8_t>> encode_batches(
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
     std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {});
 
-/// Decodes one batch. Needs the header alone: no state of the peer enters.
-/// Errors: kCorrupt with the record and field where bytes contradict the header; nothing is allocated beyond what the
+/// Decodes one batch. Needs the header alone: no state of the peer enters. Errors: kCorrupt with
+/// the record and field where bytes contradict the header; nothing is allocated beyond what the
 /// bytes can hold. Cost: about 110 ns a split.
 [[nodiscard]] Result<SplitBatch> decode_batch(const SpmHeader& header,
                                               std::span<const std::uint8_t> bytes);
 
-/// Appends the seal. It finds what went wrong on the way, not what somebody made up: the key is known to all.
+/// Appends the seal. It finds what went wrong on the way, not what somebody made up: the key is
+/// known to all.
 void seal_batch(const ContentHash& content, std::vector<std::uint8_t>& bytes);
-/// The batch without its seal. Errors: kCorrupt where the seal is not that of these bytes and this content.
+/// The batch without its seal. Errors: kCorrupt where the seal is not that of these bytes and this
+/// content.
 [[nodiscard]] Result<std::span<const std::uint8_t>> unseal_batch(
     const ContentHash& content, std::span<const std::uint8_t> bytes);
 /// decode_batch() of what is sealed for the header's content. Errors: those of both.

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Static Huffman tables of one model: for each context of the record codec the code length of each symbol.
-// The header carries them or names a set that is built in, so that every batch decodes alone.
+// Static Huffman tables of one model: for each context of the record codec the code length of each
+// symbol. The header carries them or names a set that is built in, so that every batch decodes
+// alone.
 
 #include <array>
 #include <cstdint>
@@ -12,11 +13,12 @@
 namespace nearmesh {
 
 inline constexpr int kMaxCodeBits = 12;
-/// Codes of so many bits are decoded by one look-up. What a batch uses of this table stays in a processor's first cache.
+/// Codes of so many bits are decoded by one look-up. What a batch uses of this table stays in a
+/// processor's first cache.
 inline constexpr int kFastCodeBits = 7;
 inline constexpr int kSymbolLimit = 127;  ///< symbols are 0..126
-inline constexpr std::uint8_t kEscape =
-    127;  ///< stands for a symbol never seen in training; 7 raw bits follow
+/// Stands for a symbol never seen in training; 7 raw bits follow.
+inline constexpr std::uint8_t kEscape = 127;
 
 /// One context. Every context can code every symbol, by escape if need be.
 struct HuffmanTable {
@@ -36,7 +38,8 @@ struct HuffmanTable {
   /// From how often each symbol occurred, and how often none of them.
   [[nodiscard]] static HuffmanTable from_counts(std::span<const std::uint64_t> counts,
                                                 std::uint64_t escapes = 0);
-  /// Fills the derived members; false when the lengths are not a prefix code of at most kMaxCodeBits.
+  /// Fills the derived members; false when the lengths are not a prefix code of at most
+  /// kMaxCodeBits.
   [[nodiscard]] bool derive();
 };
 
@@ -48,8 +51,9 @@ class CodingTables {
   explicit CodingTables(std::vector<HuffmanTable> contexts, std::uint32_t set = 0);
 
   [[nodiscard]] std::span<const HuffmanTable> contexts() const { return tables_->contexts; }
-  /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what follows it in any case take.
-  /// kEscape for longer codes and the escape, which HuffmanTable::decode gives.
+  /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what
+  /// follows it in any case take. kEscape for longer codes and the escape, which
+  /// HuffmanTable::decode gives.
   [[nodiscard]] const HuffmanTable::Decoded* fast() const { return tables_->fast.data(); }
   [[nodiscard]] std::uint32_t set() const { return tables_->set; }
 

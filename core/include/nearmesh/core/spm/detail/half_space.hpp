@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Half-spaces: "no face with a vertex in this node reaches farther along this direction than so far beyond the vertex that
-// stands for the node". A claim like a box, true in all poses, in 20 bits. All of it is integers, so every peer reads alike.
+// Half-spaces: "no face with a vertex in this node reaches farther along this direction than so far
+// beyond the vertex that stands for the node". A claim like a box, true in all poses, in 20 bits.
+// All of it is integers, so every peer reads alike.
 //
-// The distance is told from the node's vertex, not in parts of the node's box: the vertex has one place for all, but who holds a
-// part of a model may pass on a wider box than the model's own, and then one code would stand for two planes.
+// The distance is told from the node's vertex, not in parts of the node's box: the vertex has one
+// place for all, but who holds a part of a model may pass on a wider box than the model's own, and
+// then one code would stand for two planes.
 
 #include <array>
 #include <cstdint>
@@ -24,7 +26,8 @@ inline constexpr std::size_t kMaxHalfSpaces = 8;
 [[nodiscard]] const std::array<std::int8_t, 3>& half_space_normal(std::uint16_t direction);
 /// Grid units times the normal's length: 0, then 64 * 2^((code - 1) / 8), rounded down.
 [[nodiscard]] std::int64_t half_space_reach(std::uint8_t code);
-/// The least code that reaches as far. Nothing where none does: 2^30 grid units and more. Precondition: reach >= 0.
+/// The least code that reaches as far. Nothing where none does: 2^30 grid units and more.
+/// Precondition: reach >= 0.
 [[nodiscard]] std::optional<std::uint8_t> half_space_reach_code(std::int64_t reach);
 /// The direction whose normal is nearest. Precondition: not 0, finite.
 [[nodiscard]] std::uint16_t nearest_direction(const std::array<double, 3>& v);
@@ -43,8 +46,9 @@ inline constexpr std::size_t kMaxHalfSpaces = 8;
          half_space_reach(half_space.reach);
 }
 
-/// Adds one to those of a node. Of one direction the narrower stays, and the kMaxHalfSpaces of the least directions: a function
-/// of the set of all that were added, whatever their order. False where nothing changed.
+/// Adds one to those of a node. Of one direction the narrower stays, and the kMaxHalfSpaces of the
+/// least directions: a function of the set of all that were added, whatever their order. False
+/// where nothing changed.
 bool add_half_space(const HalfSpace& half_space, std::vector<HalfSpace>& to);
 
 /// Half-spaces by the first vertex of their node.

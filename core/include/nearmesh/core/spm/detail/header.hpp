@@ -25,12 +25,14 @@ struct BaseRoot {
 /// Seeds of more parts than this are not listed.
 inline constexpr std::uint32_t kMaxComponentSeeds = 256;
 
-/// What a peer must know of the full mesh's surface to tell inside from outside (query.hpp), and cannot see in a part.
+/// What a peer must know of the full mesh's surface to tell inside from outside (query.hpp), and
+/// cannot see in a part.
 struct SurfaceFacts {
   std::uint32_t boundary_edges = 0;     ///< with one face
   std::uint32_t disagreeing_edges = 0;  ///< with more, not passed equally often both ways
   std::uint32_t component_count = 1;    ///< connected parts, through shared vertices
-  /// The place of the lowest vertex of each part, in that order; none when there are more than kMaxComponentSeeds.
+  /// The place of the lowest vertex of each part, in that order; none when there are more than
+  /// kMaxComponentSeeds.
   std::vector<GridPoint> component_seeds;
 
   [[nodiscard]] bool is_closed() const { return boundary_edges == 0 && disagreeing_edges == 0; }
@@ -40,12 +42,12 @@ struct SurfaceFacts {
 
 struct SpmHeader {
   ContentHash blocks_root;  ///< of the tree over the stored blocks and the table of face numbers
-  ContentHash
-      content;  ///< of the header's bytes, and so of the whole model; decode_header() sets it
+  /// Of the header's bytes, and so of the whole model; decode_header() sets it.
+  ContentHash content;
   Grid grid;
   double rounding_error_m = 0;  ///< as it was computed: rounding_bound_m() is what to state
-  std::array<std::uint8_t, 3>
-      lattice_shift{};  ///< every coordinate is a multiple of 2^shift, per axis
+  /// Every coordinate is a multiple of 2^shift, per axis.
+  std::array<std::uint8_t, 3> lattice_shift{};
   std::uint32_t vertex_count = 0;
   std::uint32_t face_count = 0;
   std::vector<BaseRoot> roots;        ///< ascending, covering [0, vertex_count)
@@ -53,7 +55,8 @@ struct SpmHeader {
   SurfaceFacts surface;
   CodingTables tables;
 
-  /// No vertex of the input is farther from its grid point. Three squares, their sum and its root round by less than 2^-51.
+  /// No vertex of the input is farther from its grid point. Three squares, their sum and its root
+  /// round by less than 2^-51.
   [[nodiscard]] double rounding_bound_m() const { return rounding_error_m * (1 + 0x1p-50); }
   [[nodiscard]] std::uint32_t split_count() const {
     return vertex_count - static_cast<std::uint32_t>(roots.size());
@@ -71,8 +74,9 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 /// Errors: kCorrupt with the field, expected and found.
 [[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
 
-/// Whether a body with a model of this surface may be taken as solid: only a closed surface has an inside.
-/// Errors: kInvalidArgument naming the body, with the counts of edges at which the surface does not close.
+/// Whether a body with a model of this surface may be taken as solid: only a closed surface has an
+/// inside. Errors: kInvalidArgument naming the body, with the counts of edges at which the surface
+/// does not close.
 [[nodiscard]] Status check_solid(const SurfaceFacts& surface, std::string_view body);
 
 }  // namespace nearmesh

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Knowledge of a progressive mesh: the splits one has, parents before children. The publisher fills it
-// from file blocks, a peer from batches; which of them are *active* is refine's matter.
-// Ids are those of the whole model, but a store costs what it holds.
+// Knowledge of a progressive mesh: the splits one has, parents before children. The publisher fills
+// it from file blocks, a peer from batches; which of them are *active* is refine's matter. Ids are
+// those of the whole model, but a store costs what it holds.
 
 #include <algorithm>
 #include <array>
@@ -19,7 +19,8 @@ namespace nearmesh {
 
 struct AxesBox;
 
-/// A face as SplitFace::corners() gives it. The lower of the first two is the left one; equal, they stand for no face.
+/// A face as SplitFace::corners() gives it. The lower of the first two is the left one; equal, they
+/// stand for no face.
 struct FaceCorners {
   VertexId first{0}, second{0}, outside{0};
 
@@ -69,16 +70,17 @@ class SplitStore {
     kBoxed,     ///< known, but for a box of one of its children, which was filled in
     kNoParent,  ///< the split that makes the record's node is not known; nothing was changed
   };
-  /// Adds one split. `faces` are the record's own; `outside` is around those of their outside corners that the caller knows
-  /// to be known.
-  /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
-  /// position or face, a position outside the grid, a forest deeper than kMaxForestDepth, a vertex or a face outside a box
-  /// that must enclose it, a box that reaches farther than those above it); nothing is changed then.
-  /// Cost: O(faces).
+  /// Adds one split. `faces` are the record's own; `outside` is around those of their outside
+  /// corners that the caller knows to be known.
+  /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the
+  /// same node, another position or face, a position outside the grid, a forest deeper than
+  /// kMaxForestDepth, a vertex or a face outside a box that must enclose it, a box that reaches
+  /// farther than those above it); nothing is changed then. Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces,
                                          const GridBox& outside = {});
-  /// Around those outside corners of a split's faces of which `is_there` says that they are known: what insert() is told.
+  /// Around those outside corners of a split's faces of which `is_there` says that they are known:
+  /// what insert() is told.
   template <class IsThere>
   [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces, IsThere is_there) const {
     GridBox outside;
@@ -89,7 +91,8 @@ class SplitStore {
   }
   /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
   void prefetch(VertexId split) const { entries_.prefetch(split.value); }
-  /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
+  /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known
+  /// split rests on it.
   void erase(VertexId split);
 
   [[nodiscard]] std::uint32_t vertex_count() const { return vertex_count_; }
@@ -109,7 +112,8 @@ class SplitStore {
     const Entry& entry = entries_[split.value];
     return {{entry.parent}, split.value + entry.size - entry.parent};
   }
-  /// The node that a known vertex represents when its split has just been done (its root, for a root).
+  /// The node that a known vertex represents when its split has just been done (its root, for a
+  /// root).
   [[nodiscard]] NodeSpan initial_node(VertexId v) const { return {v, entries_[v.value].size}; }
   /// The parent of a node; size 0 for a root. Precondition: is_node(node).
   [[nodiscard]] NodeSpan parent_of(NodeSpan node) const;
@@ -119,8 +123,8 @@ class SplitStore {
 
   /// The node's own box code, or kNoBox where none came.
   [[nodiscard]] BoxCode box_code(NodeSpan node) const;
-  /// A box that encloses every original face that touches a vertex of the node: its own, or the nearest
-  /// ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
+  /// A box that encloses every original face that touches a vertex of the node: its own, or the
+  /// nearest ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
   [[nodiscard]] GridBox box(NodeSpan node) const;
   /// Whether that box contains another. Faster than to ask it.
   [[nodiscard]] bool encloses(NodeSpan node, const GridBox& box) const;
@@ -131,8 +135,8 @@ class SplitStore {
     return {entry.faces[0].face(), entry.faces[1].face(),
             std::size_t{entry.faces[0].is_there()} + std::size_t{entry.faces[1].is_there()}};
   }
-  /// The faces of a split that has at most two, both places of them; nullptr where it has more. Valid until something is
-  /// inserted. For loops that are to have no branch.
+  /// The faces of a split that has at most two, both places of them; nullptr where it has more.
+  /// Valid until something is inserted. For loops that are to have no branch.
   [[nodiscard]] const FaceCorners* two_faces(VertexId split) const {
     const Entry& entry = entries_[split.value];
     return entry.faces[0] == kManyFaces ? nullptr : entry.faces;
@@ -157,13 +161,13 @@ class SplitStore {
   static_assert(kMaxExtentCode + 1 < 1 << kCodeBits);
   /// One entry per vertex id, a cache line; all zeros (an untouched page) means unknown.
   struct alignas(64) Entry {
-    std::uint32_t size =
-        0;  // of the node that the vertex represents when it becomes active; 0: unknown
-    std::uint32_t parent =
-        0;  // first vertex of the node that split `id` divides (own id for a root)
+    // Of the node that the vertex represents when it becomes active; 0: unknown.
+    std::uint32_t size = 0;
+    // First vertex of the node that split `id` divides (own id for a root).
+    std::uint32_t parent = 0;
     std::uint32_t first_split = 0;  // split of [id, id + size); 0: unknown (id 0 is always a root)
-    std::uint32_t next_split =
-        0;  // split of [parent, id), the left child of split `id`; 0: unknown
+    // Split of [parent, id), the left child of split `id`; 0: unknown.
+    std::uint32_t next_split = 0;
     GridPoint position;
     std::uint32_t left_box_high = 0;  // of [parent, id)
     std::uint64_t left_box_low : kBoxLowBits = 0;
@@ -211,8 +215,8 @@ class SplitStore {
   std::uint32_t known_ = 0;
   std::int32_t grid_max_ = 0;
   SparseArray<Entry> entries_;
-  std::unordered_map<std::uint32_t, std::vector<SplitFace>>
-      many_faces_;    // splits with more than two
+  // Splits with more than two.
+  std::unordered_map<std::uint32_t, std::vector<SplitFace>> many_faces_;
   NodeSpan bounded_;  // of the last bounds_of(): a node and its own box
   GridBox bounds_;
   std::vector<BaseRoot> roots_;

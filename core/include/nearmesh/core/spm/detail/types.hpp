@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The words of the progressive mesh: nodes of the merge forest, faces that appear with a split, boxes,
-// and the request by which a peer names the detail it lacks.
-// Source: Liu, Georganas, Roth 2006, section 3.3 (vertex hierarchy, VSP); ids and intervals are ours: vertices are numbered
-// by depth-first order of the merge forest, kept child first, so a subtree is an interval of ids and its
-// representative is the lowest. A split has the id of the vertex that it activates.
+// The words of the progressive mesh: nodes of the merge forest, faces that appear with a split,
+// boxes, and the request by which a peer names the detail it lacks.
+// Source: Liu, Georganas, Roth 2006, section 3.3 (vertex hierarchy, VSP); ids and intervals are
+// ours: vertices are numbered by depth-first order of the merge forest, kept child first, so a
+// subtree is an interval of ids and its representative is the lowest. A split has the id of the
+// vertex that it activates.
 
 #include <array>
 #include <compare>
@@ -47,8 +48,8 @@ struct NodeSpan {
 /// nearest active predecessor.
 struct SplitFace {
   VertexId left, right, outside;
-  bool flipped =
-      false;  ///< counter-clockwise order is (right, left, outside) instead of (left, right, outside)
+  /// Counter-clockwise order is (right, left, outside) instead of (left, right, outside).
+  bool flipped = false;
 
   [[nodiscard]] std::array<VertexId, 3> corners() const {
     // No branch: half of all faces are flipped.
@@ -58,16 +59,16 @@ struct SplitFace {
   bool operator==(const SplitFace&) const = default;
 };
 
-/// Names a face on every peer without a number on the wire: the split it appears with (none for a base face) and its
-/// place there. The publisher's file maps it to the FaceId of the input.
+/// Names a face on every peer without a number on the wire: the split it appears with (none for a
+/// base face) and its place there. The publisher's file maps it to the FaceId of the input.
 struct FaceKey {
   VertexId split;
   std::uint32_t index = 0;
   auto operator<=>(const FaceKey&) const = default;
 };
 
-/// The box of a node, log-quantised outward about the representative's position, in the order
-/// -x +x -y +y -z +z; extent(code) is the smallest integer >= 2^(code/4) - 1. kNoBox in [0] means none.
+/// The box of a node, log-quantised outward about the representative's position, in the order -x +x
+/// -y +y -z +z; extent(code) is the smallest integer >= 2^(code/4) - 1. kNoBox in [0] means none.
 using BoxCode = std::array<std::uint8_t, 6>;
 inline constexpr std::uint8_t kNoBoxCode = 0xff;
 inline constexpr std::uint8_t kMaxExtentCode = 124;
@@ -75,8 +76,9 @@ inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode,
                                 kNoBoxCode, kNoBoxCode, kNoBoxCode};
 
 inline constexpr int kDirectionBits = 12, kReachBits = 8;
-/// A half-space of a node, as it is stored (half_space.hpp). For every point x of every face of the full mesh that has a vertex in the node, p being the place of the
-/// node's vertex: half_space_normal(direction) . (x - p) <= half_space_reach(reach).
+/// A half-space of a node, as it is stored (half_space.hpp). For every point x of every face of the
+/// full mesh that has a vertex in the node, p being the place of the node's vertex:
+/// half_space_normal(direction) . (x - p) <= half_space_reach(reach).
 struct HalfSpace {
   std::uint16_t direction = 0;  ///< below 2^kDirectionBits: a point of a 64 x 64 octahedral map
   std::uint8_t reach = 0;
@@ -92,11 +94,12 @@ struct NodeHalfSpace {
   bool operator==(const NodeHalfSpace&) const = default;
 };
 
-/// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most this many ids.
+/// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most
+/// this many ids.
 inline constexpr std::uint32_t kSlotSize = 64;
 
-/// A forest is no deeper: what walks from a node to its root takes no more steps, whoever made the model.
-/// (Simplification balances depth; real models have some 20.)
+/// A forest is no deeper: what walks from a node to its root takes no more steps, whoever made the
+/// model. (Simplification balances depth; real models have some 20.)
 inline constexpr std::uint32_t kMaxForestDepth = 4096;
 
 /// Limits of one request; larger ones are refused where they arrive.
@@ -104,15 +107,16 @@ inline constexpr std::size_t kMaxRegionBoxes = 256;
 inline constexpr std::size_t kMaxAttachNodes = 512;
 inline constexpr std::uint32_t kMaxRequestSplits = 16384;
 
-/// A part of a region, in a model's grid: the points p within `radius` of a closed box for which lo <= (normal . p) / 128
-/// <= hi. Boxes alone are a poor fit for a surface that runs askew to the axes: the slab holds its thickness. A box that is
-/// grown instead of given a radius gains corners.
+/// A part of a region, in a model's grid: the points p within `radius` of a closed box for which lo
+/// <= (normal . p) / 128 <= hi. Boxes alone are a poor fit for a surface that runs askew to the
+/// axes: the slab holds its thickness. A box that is grown instead of given a radius gains corners.
 struct RegionPart {
   GridBox box;
   std::int32_t radius = 0;              ///< in [0, kMaxRegionRadius]
   std::array<std::int8_t, 3> normal{};  ///< |x| + |y| + |z| <= kMaxSlabNormal; all 0: no slab
   std::int32_t slab_lo = 0, slab_hi = 0;
-  /// Nodes whose box's extent is no more are not asked for: the part stands for something that is itself not known better.
+  /// Nodes whose box's extent is no more are not asked for: the part stands for something that is
+  /// itself not known better.
   std::int32_t min_extent = 0;
 
   RegionPart() = default;
@@ -159,27 +163,29 @@ inline constexpr int kMaxSlabNormal = 127;
   return nullptr;
 }
 
-/// "Send the splits below these nodes that matter to this region." The peer names its unresolved nodes, so the
-/// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
+/// "Send the splits below these nodes that matter to this region." The peer names its unresolved
+/// nodes, so the publisher needs no memory of what a peer has, and whatever was lost is simply
+/// asked for again.
 struct RegionRequest {
-  std::vector<NodeSpan>
-      attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
+  /// The peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes.
+  std::vector<NodeSpan> attach;
   std::vector<RegionPart> region;   ///< at most kMaxRegionBoxes
   std::uint32_t max_splits = 1024;  ///< at most kMaxRequestSplits; largest nodes come first
 
-  /// Without a split: an audit. Asked for is the stored block that holds the split of the one node in `attach`; no region.
+  /// Without a split: an audit. Asked for is the stored block that holds the split of the one node
+  /// in `attach`; no region.
   [[nodiscard]] bool is_audit() const { return max_splits == 0; }
 };
-/// The rules for a request from outside that need no model: whoever receives one asks here first (core/demand has the rest).
-/// Errors: kInvalidArgument naming the limit, the node or the part.
+/// The rules for a request from outside that need no model: whoever receives one asks here first
+/// (core/demand has the rest). Errors: kInvalidArgument naming the limit, the node or the part.
 [[nodiscard]] Status check_request(const RegionRequest& request);
 
 /// One record of a batch: the split of `node` that activates `split`.
 struct SplitRecord {
   NodeSpan node;
   VertexId split;
-  std::array<std::int32_t, 3>
-      offset{};  ///< position of `split` minus that of node.first, grid units
+  /// Position of `split` minus that of node.first, grid units.
+  std::array<std::int32_t, 3> offset{};
   std::uint32_t face_begin = 0, face_count = 0;  ///< in SplitBatch::faces
   BoxCode left_box = kNoBox, right_box = kNoBox;
 
