@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
@@ -167,10 +168,9 @@ Outcome run(const ServeOptions& options) {
     if (clock.seconds() >= next_status_s) {
       next_status_s += 10;
       if (stats.requests != reported_requests)
-        log.info(
-            "{} peers, {} requests ({} refused), {} batches, {} bytes sent, {:.0f} MB resident",
-            stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
-            static_cast<double>(resident_memory_bytes()) / 1e6);
+        log.info("{}, {} ({} refused), {} batches, {} bytes sent, {:.0f} MB resident",
+                 counted(stats.peers, "peer"), counted(stats.requests, "request"), stats.refused,
+                 stats.batches, stats.bytes, static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
     }
     if (Status identity = channel.value()->identity(); !identity.is_ok())
@@ -178,8 +178,8 @@ Outcome run(const ServeOptions& options) {
     if (!service.is_behind()) channel.value()->wait(0.02);
   }
   const ServiceStats& stats = service.stats();
-  spdlog::info("stopping: {} requests ({} refused), {} batches, {} bytes sent", stats.requests,
-               stats.refused, stats.batches, stats.bytes);
+  spdlog::info("stopping: {} ({} refused), {} batches, {} bytes sent",
+               counted(stats.requests, "request"), stats.refused, stats.batches, stats.bytes);
   return Status::ok();
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/counted.hpp"
 #include "core/demand/collect.hpp"
 #include "publisher_choice.hpp"
 #include "session_impl.hpp"
@@ -131,8 +132,8 @@ bool Session::Impl::is_contradicted(const PeerModel& model) const {
 // Why detail of a model is not here, and whether it may be expected.
 std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missing) {
   if (missing == 0) return {};
-  const std::string what =
-      std::to_string(missing) + " nodes of model " + model.name + " are missing, ";
+  const std::string what = counted(missing, "node") + " of model " + model.name +
+                           (missing == 1 ? " is" : " are") + " missing, ";
   const Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr)
     return what + (publishers.empty() ? "no publisher is there"
@@ -141,7 +142,7 @@ std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missin
                        : "no publisher that is there serves it");
   if (publisher->lost_requests > 0)
     return what + "publisher " + called_of(*publisher) + " has not answered " +
-           std::to_string(publisher->lost_requests) + " requests in a row";
+           counted(publisher->lost_requests, "request") + " in a row";
   return what + "publisher " + called_of(*publisher) + " is asked for them";
 }
 

@@ -5,6 +5,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "core/base/counted.hpp"
 #include "core/base/float_guard.hpp"
 #include "session_impl.hpp"
 
@@ -113,12 +114,12 @@ Result<ProbeReport> Session::Impl::probe_world(Body& body, std::span<const Probe
   };
   for (const ContentHash& page : needs.pages) want({.content = page}, true);
   if (!needs.pages.empty())
-    await(std::to_string(needs.pages.size()) + " pages of world " + body.model->name +
-          " have not come, " + who_gives(body.model->content_hash));
+    await(counted(needs.pages.size(), "page") + " of world " + body.model->name +
+          " not here yet, " + who_gives(body.model->content_hash));
   for (const WorldEntry& tile : needs.tiles) want(tile, false);
   if (!needs.tiles.empty())
-    await(std::to_string(needs.tiles.size()) + " tiles of world " + body.model->name +
-          " have not come, " + who_gives(body.model->content_hash));
+    await(counted(needs.tiles.size(), "tile") + " of world " + body.model->name +
+          " not here yet, " + who_gives(body.model->content_hash));
   for (const auto& [tile, missing] : needs.nodes) {
     want(tile, false);
     PeerModel& model = *replicas.find(tile.content);

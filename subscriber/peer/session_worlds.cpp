@@ -9,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
@@ -64,7 +65,7 @@ std::string Session::Impl::who_gives(const ContentHash& content) {
     return publishers.empty() ? "no publisher is there" : "no publisher that is there serves it";
   if (publisher->lost_requests > 0)
     return "publisher " + called_of(*publisher) + " has not answered " +
-           std::to_string(publisher->lost_requests) + " requests in a row";
+           counted(publisher->lost_requests, "request") + " in a row";
   return "publisher " + called_of(*publisher) + " is asked for it";
 }
 
@@ -533,13 +534,10 @@ void Session::Impl::fold_world(WorldPair& found, const FrameReport& report) {
         append(*its.contacts, *result.contacts);
       }
     }
-    if (!found.around.near.missing.empty()) {
-      await(std::to_string(found.around.near.missing.size()) + " pages of world " +
-            world.model->name + " have not come, " +
-            who_gives(found.around.near.missing.front().entry.content));
-    }
-    if (put_off_count > 0 && is_any_asked)
-      await(std::to_string(put_off_count) + " tiles were not asked");
+    if (const auto& pages = found.around.near.missing; !pages.empty())
+      await(counted(pages.size(), "page") + " of world " + world.model->name + " not here yet, " +
+            who_gives(pages.front().entry.content));
+    if (put_off_count > 0 && is_any_asked) await(counted(put_off_count, "tile") + " not asked");
     result.answer = tiles.finish();
     found.digest = tiles.digest();
     if (!is_certified(result.answer.status)) {

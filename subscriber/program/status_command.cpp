@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
@@ -94,12 +95,12 @@ void print_process(const wire::ProcessStatus& process) {
               process.name.empty() || process.name == place ? "" : "  ", place.c_str(),
               process.uptime_s, human(static_cast<double>(process.resident_bytes)).c_str());
   if (process.is_publisher) {
-    std::printf("    %u peers, %llu requests (%llu refused)", process.peers,
-                count(process.requests), count(process.refused));
+    std::printf("    %s, %s (%llu refused)", counted(process.peers, "peer").c_str(),
+                counted(process.requests, "request").c_str(), count(process.refused));
   } else {
-    std::printf("    %s: %u of %u pairs certified, %llu requests (%llu refused)",
-                readiness(process).c_str(), process.certified_pairs, process.watched_pairs,
-                count(process.requests), count(process.refused));
+    std::printf("    %s: %u of %s certified, %s (%llu refused)", readiness(process).c_str(),
+                process.certified_pairs, counted(process.watched_pairs, "pair").c_str(),
+                counted(process.requests, "request").c_str(), count(process.refused));
   }
   std::printf("; %llu batches, %s, %s/s; %llu wait", count(process.batches),
               human(static_cast<double>(process.bytes)).c_str(), human(process.bytes_per_s).c_str(),
@@ -110,8 +111,8 @@ void print_process(const wire::ProcessStatus& process) {
   if (const std::string line = door_line(process); !line.empty())
     std::printf("    %s\n", line.c_str());
   for (const auto& model : process.models) {
-    std::printf("    model %s  content %s  %llu faces", model.name.c_str(),
-                to_hex(model.content_hash).c_str(), count(model.faces));
+    std::printf("    model %s  content %s  %s", model.name.c_str(),
+                to_hex(model.content_hash).c_str(), counted(model.faces, "face").c_str());
     if (!process.is_publisher)
       std::printf(", holds %llu of %llu splits", count(model.held_splits), count(model.splits));
     std::printf("\n");

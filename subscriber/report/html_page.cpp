@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "html_page.hpp"
 
+#include "core/base/counted.hpp"
 #include "core/base/hash.hpp"
 #include "html_parts.hpp"
 #include "idl/messages/process_name.hpp"
@@ -91,9 +92,9 @@ std::string in_short(const Survey& survey) {
   }
   std::uint64_t bytes = 0;
   for (const TopicCount& topic : survey.topics) bytes += topic.bytes;
-  return number(survey.duration_s, 4) + " s, " + std::to_string(survey.peers.size()) + " peers, " +
-         std::to_string(answers) + " answers, " + std::to_string(certified) +
-         " of them certified, " + number(static_cast<double>(bytes) / 1e6, 3) + " MB";
+  return number(survey.duration_s, 4) + " s, " + counted(survey.peers.size(), "peer") + ", " +
+         counted(answers, "answer") + ", " + std::to_string(certified) + " of them certified, " +
+         number(static_cast<double>(bytes) / 1e6, 3) + " MB";
 }
 
 /// What is far from everything may change in the picture some 3,000 times: in a session of 10
