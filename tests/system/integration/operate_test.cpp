@@ -724,7 +724,7 @@ TEST_F(Operate, StatusTellsOfEachRegionOnDemand) {
       {"--regions"}))
       << told;
   // Without the flag nothing is heard of it.
-  EXPECT_TRUE(status_tells("pairs certified")) << told;
+  EXPECT_TRUE(status_tells("of 1 pair certified")) << told;
   EXPECT_EQ(told.find("region ground"), std::string::npos) << told;
 }
 

@@ -40,6 +40,23 @@ TEST_F(Comings, LinksThatWereDownServeAgain) {
   EXPECT_EQ(outages.wrong, 0U);
 }
 
+class Named : public ServedFixture {};
+
+TEST_F(Named, AnInterfaceWithoutALinkIsSaidToHaveNone) {
+  serve_over({{}, {}});
+  const auto look = [&](std::string& err) {
+    const auto there = lan->visit(1);
+    return test::run(folder, "nearmesh-subscriber",
+                     {"status", "--interface", "e0", "--seconds", "1"}, nullptr, &err);
+  };
+  std::string err;
+  lan->set_up(1, false);
+  EXPECT_EQ(look(err), 1);
+  EXPECT_NE(err.find("interface \"e0\" has no link: it is down"), std::string::npos) << err;
+  lan->set_up(1, true);
+  EXPECT_TRUE(await([&] { return look(err) == 0; })) << err;
+}
+
 class Rivals : public ServedFixture {};
 
 TEST_F(Rivals, APublisherIsWarnedAgainOfOneThatWasLostAndFound) {

@@ -498,8 +498,8 @@ def enter_namespace():
     """This process again, alone on a network with loopback and eth0; returns where it is."""
     if os.environ.get("NEARMESH_PAGES_NAMESPACE"):
         subprocess.run(["bash", "-ec", "ip link set lo up; ip link set lo multicast on; ip link add eth0 type veth peer name eth1; "
-                        "ip addr add 192.0.2.1/24 dev eth0; ip link set eth0 up; ip link set eth1 up; ip route add 224.0.0.0/4 dev lo"],
-                       check=True)
+                        "ip addr add 192.0.2.1/24 dev eth0; ip link set eth0 up; ip link set eth1 up; ip route add 224.0.0.0/4 dev lo; "
+                        "until ip link show eth0 | grep -q 'state UP'; do sleep 0.05; done"], check=True, timeout=60)
         return True
     options = ["-n"] if os.geteuid() == 0 else ["-r", "-n"]
     if subprocess.run(["unshare", *options, "true"], stderr=subprocess.DEVNULL).returncode != 0:
