@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/door.hpp"
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <exception>
 #include <filesystem>
@@ -35,8 +39,31 @@ struct Below final : rtps::ChainingTransportDescriptor {
   [[nodiscard]] rtps::TransportInterface* create_transport() const override { return nullptr; }
 };
 
-/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without
-/// statistics, and paced.
+/// A port of this machine that nobody else has meanwhile.
+class OwnPort {
+ public:
+  OwnPort() = default;
+  ~OwnPort() {
+    if (socket_ >= 0) close(socket_);
+  }
+  OwnPort(const OwnPort&) = delete;
+  OwnPort& operator=(const OwnPort&) = delete;
+  /// Once. 0: there is none to have.
+  [[nodiscard]] std::uint16_t take() {
+    socket_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in place{};
+    place.sin_family = AF_INET;
+    socklen_t size = sizeof place;
+    auto* const bytes = reinterpret_cast<sockaddr*>(&place);
+    if (bind(socket_, bytes, size) != 0 || getsockname(socket_, bytes, &size) != 0) return 0;
+    return ntohs(place.sin_port);
+  }
+
+ private:
+  int socket_ = -1;
+};
+
+/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without statistics, and paced.
 class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
@@ -46,11 +73,25 @@ class Door final : public ChainedTransport, private LeaseEnd {
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
 
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
+    reaching_out();
     return is_udp(locator.kind) ? outgoing_.open(*low_level_transport_, senders, locator)
                                 : low_level_transport_->OpenOutputChannel(senders, locator);
   }
-  /// A datagram that was cut to the size of our own would be refused, and its first part was all
-  /// that Fast DDS ever read of it.
+  /// By TCP Fast DDS names itself by the port that it listens at, or by its process. Fast DDS 3.1 takes no connection of such a name from
+  /// an address where it ever knew one, be that long closed (bind_socket() in its TCPTransportInterface.cpp; mended in
+  /// eProsima/Fast-DDS pull request 6378): who comes back is another. The sockets listen already, and where is told already.
+  void reaching_out() override {
+    if (!watch_->answers_by_connection() || std::exchange(has_name_, true)) return;
+    auto* const tcp =
+        dynamic_cast<rtps::TCPTransportDescriptor*>(low_level_transport_->get_configuration());
+    const std::uint16_t name = name_.take();
+    if (tcp != nullptr && name != 0) tcp->listening_ports.assign(1, name);
+  }
+  /// The door has set them.
+  [[nodiscard]] bool takes_places_as_told() const override {
+    return watch_->answers_by_connection();
+  }
+  /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
     if (!is_udp(locator.kind))
@@ -80,9 +121,10 @@ class Door final : public ChainedTransport, private LeaseEnd {
   void judge(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
              const Locator_t& local, const Locator_t& remote) {
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
-    const MessageSource from{is_udp(remote.kind), is_udp(remote.kind)
-                                                      ? IPLocator::getPhysicalPort(remote)
-                                                      : std::uint16_t{0}};
+    MessageSource from{is_udp(remote.kind),
+                       is_udp(remote.kind) ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}};
+    // Of TCP `local` is what Fast DDS knows the connection by.
+    if (watch_->answers_by_connection()) from.connection = place_of(local);
     std::span<const std::uint8_t> message(data, size);
     std::vector<std::uint8_t> of_next;
     for (std::size_t speakers = 1;; ++speakers) {
@@ -207,6 +249,8 @@ class Door final : public ChainedTransport, private LeaseEnd {
         if (watch_->paces()) watch_->leave_out(message, places, place_of);
         return size_without_statistics(message);
       }};
+  OwnPort name_;
+  bool has_name_ = false;
   std::mutex copies_mutex_;
   std::vector<std::unique_ptr<RtpsCopy>> copies_;  ///< that nobody uses now
   std::mutex mutex_;
@@ -286,6 +330,13 @@ bool all_udp(const fdds::DomainParticipantQos& qos) {
   });
 }
 
+bool all_tcp(const fdds::DomainParticipantQos& qos) {
+  const auto& transports = qos.transport().user_transports;
+  return std::all_of(transports.begin(), transports.end(), [](const auto& transport) {
+    return dynamic_cast<const rtps::TCPTransportDescriptor*>(transport.get()) != nullptr;
+  });
+}
+
 double seconds_of(const Duration& duration) { return duration.seconds + 1e-9 * duration.nanosec; }
 
 /// The path of a file that a property of authentication names; "" for none.
@@ -321,6 +372,7 @@ void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   const DoorRules rules{
       .is_plain = is_plain,
       .by_udp_alone = all_udp(qos),
+      .by_tcp_alone = all_tcp(qos),
       .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
       .identity_period_s = identity_period_s,
       .bodies = is_plain ? told_bodies_in(qos.user_data().getValue()) : std::nullopt};

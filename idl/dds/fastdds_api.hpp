@@ -543,7 +543,19 @@ class OutgoingFilter {
 class ChainedTransport : public rtps::ChainingTransport {
  public:
   using ChainingTransport::ChainingTransport;
+  /// Called before Fast DDS reaches out to anybody, each time; it has its senders locked.
+  virtual void reaching_out() {}
+  /// Whether others are where they say; else one on this machine is taken to be on loopback.
+  [[nodiscard]] virtual bool takes_places_as_told() const { return false; }
+  using ChainingTransport::transform_remote_locator;
 #if NEARMESH_FASTDDS == 3
+  bool transform_remote_locator(const rtps::Locator_t& remote, rtps::Locator_t& result,
+                                bool remote_localhost, bool local_localhost) const final {
+    result = remote;
+    return (takes_places_as_told() && IsLocatorSupported(remote)) ||
+           ChainingTransport::transform_remote_locator(remote, result, remote_localhost,
+                                                       local_localhost);
+  }
   bool send(rtps::SenderResource* low, const std::vector<rtps::NetworkBuffer>& buffers,
             std::uint32_t bytes, LocatorsIterator* begin, LocatorsIterator* end,
             const std::chrono::steady_clock::time_point& timeout) final {
@@ -553,6 +565,7 @@ class ChainedTransport : public rtps::ChainingTransport {
   // By UDP each place of them is one of OpenOutputChannel(), which may have a filter.
   bool OpenOutputChannels(rtps::SendResourceList& senders,
                           const rtps::LocatorSelectorEntry& to) final {
+    reaching_out();
     return is_udp(low_level_transport_->kind())
                ? ChainingTransport::OpenOutputChannels(senders, to)
                : low_level_transport_->OpenOutputChannels(senders, to);
@@ -563,6 +576,12 @@ class ChainedTransport : public rtps::ChainingTransport {
   }
   void shutdown() final { low_level_transport_->shutdown(); }
 #else
+  bool transform_remote_locator(const rtps::Locator_t& remote,
+                                rtps::Locator_t& result) const final {
+    result = remote;
+    return (takes_places_as_told() && IsLocatorSupported(remote)) ||
+           ChainingTransport::transform_remote_locator(remote, result);
+  }
   bool send(rtps::SenderResource* low, const rtps::octet* data, std::uint32_t size,
             LocatorsIterator* begin, LocatorsIterator* end,
             const std::chrono::steady_clock::time_point& timeout) final {

@@ -33,6 +33,7 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .sequence = message.announcement->sequence,
                 .has_spoken = false,
                 .ports = {},
+                .connection = from.connection,
                 .begun = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
@@ -60,9 +61,13 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   return std::nullopt;
 }
 
-/// Where the message tells of an endpoint, what was counted of it before was another's: of an
-/// earlier message, and of this one too, for a heartbeat in it may come before the word of who it
-/// is of, and is to nobody then.
+std::optional<RtpsPlace> ParticipantBook::connection_of(const ParticipantKey& key) const {
+  const auto at = known_.find(key);
+  return at == known_.end() ? std::nullopt : at->second.connection;
+}
+
+/// Where the message tells of an endpoint, what was counted of it before was another's: of an earlier message, and of this one too, for a
+/// heartbeat in it may come before the word of who it is of, and is to nobody then.
 void ParticipantBook::hold_back(RtpsVerdict& message) {
   const auto at = known_.find(message.source);
   Known* const known = at != known_.end() ? &at->second : nullptr;

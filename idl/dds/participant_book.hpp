@@ -22,6 +22,7 @@ namespace nearmesh::wire {
 struct MessageSource {
   bool is_udp = false;
   std::uint16_t port = 0;
+  std::optional<RtpsPlace> connection{};  ///< that it came by, where answers go back by the same
 };
 
 /// Six rules:
@@ -90,8 +91,10 @@ class ParticipantBook {
   void bar(const ParticipantKey& key);
   [[nodiscard]] bool is_barred(const ParticipantKey& key) const { return barred_.contains(key); }
   [[nodiscard]] bool is_known(const ParticipantKey& key) const { return known_.contains(key); }
-  /// So much time has passed: who has been silent for its lease is not known any more. May throw
-  /// std::bad_alloc: then the time has passed and nobody is forgotten; the next tick does it.
+  /// By which it was heard first, since it is known; nothing where that is not known.
+  [[nodiscard]] std::optional<RtpsPlace> connection_of(const ParticipantKey& key) const;
+  /// So much time has passed: who has been silent for its lease is not known any more. May throw std::bad_alloc: then the time has
+  /// passed and nobody is forgotten; the next tick does it.
   void tick(double seconds);
   /// Who has left by its lease or was barred, since it was asked last.
   [[nodiscard]] std::vector<Gone> take_gone() { return std::exchange(gone_, {}); }
@@ -108,8 +111,8 @@ class ParticipantBook {
     std::int64_t sequence = 0;
     bool has_spoken = false;  ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
-    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts
-    /// anew.
+    std::optional<RtpsPlace> connection;
+    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
     std::map<std::uint32_t, std::int64_t> begun;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);

@@ -22,6 +22,9 @@ constexpr std::uint16_t kEprosima = 0x010f;
 constexpr std::uint32_t kHandshakeReader = 0x000201c4;
 /// The parameters that say where a participant hears what writers say, and of others.
 constexpr std::uint16_t kDataPlace = 0x0031, kDiscoveryPlace = 0x0032;
+/// And where one writer or reader does, if elsewhere.
+constexpr std::uint16_t kEndpointPlace = 0x002f;
+constexpr std::int32_t kTcp4 = 4, kTcp6 = 8;  ///< kinds of places, of Fast DDS
 /// Of a product, which Fast DDS 3 tells: its release comes first.
 constexpr std::uint16_t kProductVersion = 0x8000;
 constexpr std::size_t kInfoSourceBytes = 20;
@@ -283,7 +286,9 @@ struct Submessages {
           if (describes_type(id))
             for (const std::uint32_t before : {4U, 3U})
               verdict.changes.push_back({offset + static_cast<std::uint32_t>(place) - before, 0});
-          return is_parameter(id, bytes, *little_endian);
+          if (!is_parameter(id, bytes, *little_endian)) return false;
+          if (id == kEndpointPlace) note_tcp_place(offset + place, bytes, *little_endian);
+          return true;
         });
         return whole ? kNone : DoorRefusal::kParameters;
       }
@@ -346,6 +351,12 @@ struct Submessages {
     return place;
   }
 
+  void note_tcp_place(std::size_t at, Bytes bytes, bool little_endian) {
+    const RtpsPlace told = place_of(bytes, little_endian);
+    if (told.kind == kTcp4 || told.kind == kTcp6)
+      verdict.tcp_places.push_back({at, told.port, told.kind, little_endian});
+  }
+
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
@@ -373,6 +384,8 @@ struct Submessages {
         if (id == 0x1001) found.is_secured = true;  // an identity
         if ((id == kDataPlace || id == kDiscoveryPlace) && found.place_count < found.places.size())
           found.places[found.place_count++] = place_of(bytes, *little_endian);
+        if (id == kDataPlace || id == kDiscoveryPlace)
+          note_tcp_place(offset + place, bytes, *little_endian);
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;
@@ -414,6 +427,17 @@ void RtpsVerdict::change_sequence(std::size_t at, std::int64_t number, bool litt
   const auto bits = static_cast<std::uint64_t>(number);
   change(at, static_cast<std::uint32_t>(bits >> 32), little_endian);
   change(at + 4, static_cast<std::uint32_t>(bits), little_endian);
+}
+
+/// Of TCP the lower half of a port is that of the socket, the upper one the logical one.
+void RtpsVerdict::reach_by(const RtpsPlace& connection) {
+  for (const RtpsTcpPlace& told : tcp_places) {
+    if (told.kind != connection.kind) continue;
+    change(told.at + 4, (told.port & 0xffff0000U) | (connection.port & 0xffffU),
+           told.little_endian);
+    for (std::uint32_t i = 0; i < connection.address.size(); ++i)
+      changes.push_back({static_cast<std::uint32_t>(told.at) + 8 + i, connection.address[i]});
+  }
 }
 
 RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn) {

@@ -105,6 +105,14 @@ struct RtpsBeginning {
   bool little_endian = true;
 };
 
+/// Where a place of TCP stands that is told as one's own: of a participant, a writer or a reader.
+struct RtpsTcpPlace {
+  std::size_t at = 0;  ///< its 24 bytes in the message
+  std::uint32_t port = 0;
+  std::int32_t kind = 0;
+  bool little_endian = true;
+};
+
 /// A byte that is another in the message that is handed on.
 struct RtpsChange {
   std::uint32_t at = 0;
@@ -130,6 +138,7 @@ struct RtpsVerdict {
   bool tells_of_endpoints = false;                                 ///< of whomever
   std::array<std::optional<RtpsConfirmation>, 2> confirmations{};  ///< of either writer, the last
   std::vector<RtpsBeginning> far_beginnings;                       ///< above kFarBeginning
+  std::vector<RtpsTcpPlace> tcp_places;
   /// What Fast DDS must not see as it came; few messages of lawful programs have any:
   /// * Descriptions of types with an endpoint's discovery become padding. Fast DDS 2.9 builds types
   ///   of them, and follows a null pointer where one is malformed. Endpoints match by their type's
@@ -141,6 +150,8 @@ struct RtpsVerdict {
   std::vector<RtpsChange> changes;
   void change(std::size_t at, std::uint32_t number, bool little_endian);
   void change_sequence(std::size_t at, std::int64_t number, bool little_endian);
+  /// All told places of the connection's kind become its own, with the logical ports that were told.
+  void reach_by(const RtpsPlace& connection);
   bool is_cut_gap = false;     ///< one of these changes
   bool has_fragments = false;  ///< and needs room behind it (RtpsCopy)
   /// Where another participant's word begins, which is to be judged by itself
@@ -150,9 +161,8 @@ struct RtpsVerdict {
   ParticipantKey destination{};
 };
 
-/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation
-/// but for changes and far beginnings. In: `turn`: which part of a long gap is left; to count up
-/// with each that was cut. Throws std::bad_alloc.
+/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation but for changes, far beginnings, and places of TCP.
+/// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws std::bad_alloc.
 [[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
 
 /// How much of a message that Fast DDS sends by UDP goes out: all but the 60 bytes of statistics at

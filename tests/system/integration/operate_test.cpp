@@ -923,6 +923,24 @@ TEST_F(Operate, APeerWhoseConnectionIsDeafMakesAnother) {
   EXPECT_EQ(peer.wait(), 0) << peer.err();
 }
 
+/// Fast DDS 3.1 takes no second connection of one name, be the first long closed.
+TEST_F(Operate, WhoComesBackByTcpIsFoundAgain) {
+  write_scene(5);
+  const std::string port = free_port(), of_peer = free_port();
+  const std::vector<std::string> tcp{"--transport", "tcp", "--interface", "127.0.0.1"};
+  std::vector<std::string> words = with({terrain(), aircraft()}, tcp);
+  words.insert(words.end(), {"--listen-port", port});
+  const auto publisher = serve(words);
+  words = with({"run", folder.file("flight.yaml")}, tcp);
+  words.insert(words.end(), {"--listen-port", of_peer, "--peer", "127.0.0.1:" + port});
+  for (const char* time : {"first", "second", "third"}) {
+    std::string err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber", words, nullptr, &err), 0)
+        << time << ": " << err;
+    EXPECT_EQ(err.find("joining again"), std::string::npos) << time << ": " << err;
+  }
+}
+
 // --- systemd
 
 TEST(SystemdUnit, IsAcceptedByItsChecker) {

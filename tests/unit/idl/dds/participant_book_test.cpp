@@ -142,6 +142,20 @@ TEST_F(ParticipantBookTest, OtherTransportsThanUdpAreNotBoundToSockets) {
   EXPECT_FALSE(hears(word_of(1), kElsewhere));
 }
 
+TEST_F(ParticipantBookTest, TheConnectionOfAParticipantIsThatByWhichItWasHeardFirst) {
+  const MessageSource first{.connection = RtpsPlace{4, 5100, {}}};
+  const MessageSource second{.connection = RtpsPlace{4, 40'000, {}}};
+  EXPECT_FALSE(book.connection_of(participant_key(1)));
+  EXPECT_TRUE(hears(announcement_of(1), first));
+  EXPECT_TRUE(hears(announcement_of(1), second));
+  EXPECT_EQ(book.connection_of(participant_key(1)), first.connection);
+  RtpsVerdict farewell = announcement_of(1);
+  farewell.announcement->leaves = true;
+  EXPECT_TRUE(hears(farewell, second));
+  EXPECT_TRUE(hears(announcement_of(1), second));
+  EXPECT_EQ(book.connection_of(participant_key(1)), second.connection);
+}
+
 TEST_F(ParticipantBookTest, TwoHundredMayComeAtOnce) {
   for (std::uint32_t number = 0; number < 200; ++number)
     EXPECT_TRUE(hears(announcement_of(number))) << number;

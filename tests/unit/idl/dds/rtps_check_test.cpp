@@ -282,6 +282,37 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
   EXPECT_EQ(m.bytes[verdict.announcement->lease_at + 7], 0x80);
 }
 
+/// The message as it is handed on.
+nearmesh::test::RtpsBytes changed(nearmesh::test::RtpsBytes bytes, const RtpsVerdict& verdict) {
+  for (const RtpsChange& change : verdict.changes) bytes[change.at] = change.value;
+  return bytes;
+}
+
+TEST(RtpsCheck, PlacesOfTcpBecomeThoseOfTheConnection) {
+  constexpr std::uint32_t kLogical = 7411U << 16;
+  const RtpsPlace connection{4, 40'001, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 10, 0, 0, 7}};
+  const auto told = [](std::uint16_t port, std::uint8_t last, std::int32_t kind = 4) {
+    Rtps m = message();
+    const auto place = [&](std::uint16_t id) {
+      m.begin_parameter(id).u32(static_cast<std::uint32_t>(kind)).u32(kLogical | port).zeros(12);
+      m.u8(10).u8(0).u8(0).u8(last).end_parameter();
+    };
+    m.begin_announcement().lease(20);
+    for (const std::uint16_t id : {0x0031, 0x0032}) place(id);
+    m.finish_announcement().begin_endpoint(true, "topic", "type");
+    place(0x002f);
+    m.sentinel().end();
+    return m.bytes;
+  };
+  RtpsVerdict verdict = check_rtps(told(5101, 9));
+  ASSERT_FALSE(verdict.refusal);
+  verdict.reach_by(connection);
+  EXPECT_EQ(changed(told(5101, 9), verdict), told(40'001, 7));
+  verdict = check_rtps(told(5101, 9, 1));
+  verdict.reach_by(connection);
+  EXPECT_TRUE(verdict.changes.empty()) << "of UDP";
+}
+
 // What two releases of Fast DDS on one secured bus are told by.
 TEST(RtpsCheck, TellsOfWhichReleaseAnIdentityIs) {
   Rtps m = message();
