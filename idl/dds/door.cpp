@@ -63,7 +63,8 @@ class OwnPort {
   int socket_ = -1;
 };
 
-/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without statistics, and paced.
+/// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without
+/// statistics, and paced.
 class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
@@ -77,9 +78,10 @@ class Door final : public ChainedTransport, private LeaseEnd {
     return is_udp(locator.kind) ? outgoing_.open(*low_level_transport_, senders, locator)
                                 : low_level_transport_->OpenOutputChannel(senders, locator);
   }
-  /// By TCP Fast DDS names itself by the port that it listens at, or by its process. Fast DDS 3.1 takes no connection of such a name from
-  /// an address where it ever knew one, be that long closed (bind_socket() in its TCPTransportInterface.cpp; mended in
-  /// eProsima/Fast-DDS pull request 6378): who comes back is another. The sockets listen already, and where is told already.
+  /// By TCP Fast DDS names itself by the port that it listens at, or by its process. Fast DDS 3.1
+  /// takes no connection of such a name from an address where it ever knew one, be that long closed
+  /// (bind_socket() in its TCPTransportInterface.cpp; mended in eProsima/Fast-DDS pull request
+  /// 6378): who comes back is another. The sockets listen already, and where is told already.
   void reaching_out() override {
     if (!watch_->answers_by_connection() || std::exchange(has_name_, true)) return;
     auto* const tcp =
@@ -91,7 +93,8 @@ class Door final : public ChainedTransport, private LeaseEnd {
   [[nodiscard]] bool takes_places_as_told() const override {
     return watch_->answers_by_connection();
   }
-  /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
+  /// A datagram that was cut to the size of our own would be refused, and its first part was all
+  /// that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_bytes) override {
     if (!is_udp(locator.kind))

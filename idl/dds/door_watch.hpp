@@ -70,12 +70,14 @@ class DoorWatch {
   [[nodiscard]] bool paces() const {
     return rules_.is_plain && rules_.by_udp_alone && identities_ == nullptr;
   }
-  /// Whether others are answered by the connection of TCP by which they were heard first, wherever they say that they are, and each
-  /// transport has a name of its own (Door). Beside identities Fast DDS 3.1 also announces itself enciphered.
+  /// Whether others are answered by the connection of TCP by which they were heard first, wherever
+  /// they say that they are, and each transport has a name of its own (Door). Beside identities
+  /// Fast DDS 3.1 also announces itself enciphered.
   [[nodiscard]] bool answers_by_connection() const {
     return rules_.is_plain && rules_.by_tcp_alone && identities_ == nullptr;
   }
-  /// Poses that this writer (its entity) tells are of these bodies alone: whoever names none of them needs few (PoseHearers).
+  /// Poses that this writer (its entity) tells are of these bodies alone: whoever names none of
+  /// them needs few (PoseHearers).
   void tell_moved(std::uint32_t writer, const std::vector<std::string>& bodies);
   /// Takes away places that need not be told now (DiscoveryPace), or of poses (PoseHearers).
   /// place_of(place): as RTPS writes it. Where there is no memory to remember what was told, all

@@ -66,8 +66,9 @@ std::optional<RtpsPlace> ParticipantBook::connection_of(const ParticipantKey& ke
   return at == known_.end() ? std::nullopt : at->second.connection;
 }
 
-/// Where the message tells of an endpoint, what was counted of it before was another's: of an earlier message, and of this one too, for a
-/// heartbeat in it may come before the word of who it is of, and is to nobody then.
+/// Where the message tells of an endpoint, what was counted of it before was another's: of an
+/// earlier message, and of this one too, for a heartbeat in it may come before the word of who it
+/// is of, and is to nobody then.
 void ParticipantBook::hold_back(RtpsVerdict& message) {
   const auto at = known_.find(message.source);
   Known* const known = at != known_.end() ? &at->second : nullptr;

@@ -93,8 +93,8 @@ class ParticipantBook {
   [[nodiscard]] bool is_known(const ParticipantKey& key) const { return known_.contains(key); }
   /// By which it was heard first, since it is known; nothing where that is not known.
   [[nodiscard]] std::optional<RtpsPlace> connection_of(const ParticipantKey& key) const;
-  /// So much time has passed: who has been silent for its lease is not known any more. May throw std::bad_alloc: then the time has
-  /// passed and nobody is forgotten; the next tick does it.
+  /// So much time has passed: who has been silent for its lease is not known any more. May throw
+  /// std::bad_alloc: then the time has passed and nobody is forgotten; the next tick does it.
   void tick(double seconds);
   /// Who has left by its lease or was barred, since it was asked last.
   [[nodiscard]] std::vector<Gone> take_gone() { return std::exchange(gone_, {}); }
@@ -112,7 +112,8 @@ class ParticipantBook {
     bool has_spoken = false;  ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
     std::optional<RtpsPlace> connection;
-    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts anew.
+    /// How far its writers begin that begin far, as was handed on. Who is told of them anew counts
+    /// anew.
     std::map<std::uint32_t, std::int64_t> begun;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);

@@ -150,7 +150,8 @@ struct RtpsVerdict {
   std::vector<RtpsChange> changes;
   void change(std::size_t at, std::uint32_t number, bool little_endian);
   void change_sequence(std::size_t at, std::int64_t number, bool little_endian);
-  /// All told places of the connection's kind become its own, with the logical ports that were told.
+  /// All told places of the connection's kind become its own, with the logical ports that were
+  /// told.
   void reach_by(const RtpsPlace& connection);
   bool is_cut_gap = false;     ///< one of these changes
   bool has_fragments = false;  ///< and needs room behind it (RtpsCopy)
@@ -161,8 +162,9 @@ struct RtpsVerdict {
   ParticipantKey destination{};
 };
 
-/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation but for changes, far beginnings, and places of TCP.
-/// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws std::bad_alloc.
+/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation
+/// but for changes, far beginnings, and places of TCP. In: `turn`: which part of a long gap is
+/// left; to count up with each that was cut. Throws std::bad_alloc.
 [[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
 
 /// How much of a message that Fast DDS sends by UDP goes out: all but the 60 bytes of statistics at
