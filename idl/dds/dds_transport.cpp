@@ -26,8 +26,8 @@ constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
 constexpr const char* kDiscoveryMulticast = "239.255.0.1";
 constexpr const char* kLoopback = "127.0.0.1";
 
-/// The address of an interface given by name or address. Fast DDS uses none without a link, and says
-/// only that it has no ports.
+/// The address of an interface given by name or address. Fast DDS uses none without a link, and
+/// says only that it has no ports.
 Result<std::string> resolve_interface(const std::string& wanted) {
   std::string known;
   for (const Interface& interface : ipv4_interfaces()) {

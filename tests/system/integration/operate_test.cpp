@@ -686,7 +686,7 @@ TEST_F(Operate, StatusTellsWhatAPeerWaitsFor) {
   write_scene(5);
   const auto publisher = serve(with({terrain()}));  // and nobody serves the aircraft
   const Process peer(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
-  EXPECT_TRUE(status_tells("waits: nobody serves model aircraft: 0 of 1 pairs certified")) << told;
+  EXPECT_TRUE(status_tells("waits: nobody serves model aircraft: 0 of 1 pair certified")) << told;
 }
 
 TEST_F(Operate, StatusTellsOfEachRegionOnDemand) {
