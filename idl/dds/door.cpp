@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <set>
 #include <utility>
 #include <vector>
@@ -42,25 +43,25 @@ struct Below final : rtps::ChainingTransportDescriptor {
 /// A port of this machine that nobody else has meanwhile.
 class OwnPort {
  public:
-  OwnPort() = default;
+  OwnPort() : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in place{};
+    place.sin_family = AF_INET;
+    socklen_t size = sizeof place;
+    auto* const bytes = reinterpret_cast<sockaddr*>(&place);
+    if (bind(socket_, bytes, size) == 0 && getsockname(socket_, bytes, &size) == 0)
+      port_ = ntohs(place.sin_port);
+  }
   ~OwnPort() {
     if (socket_ >= 0) close(socket_);
   }
   OwnPort(const OwnPort&) = delete;
   OwnPort& operator=(const OwnPort&) = delete;
-  /// Once. 0: there is none to have.
-  [[nodiscard]] std::uint16_t take() {
-    socket_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in place{};
-    place.sin_family = AF_INET;
-    socklen_t size = sizeof place;
-    auto* const bytes = reinterpret_cast<sockaddr*>(&place);
-    if (bind(socket_, bytes, size) != 0 || getsockname(socket_, bytes, &size) != 0) return 0;
-    return ntohs(place.sin_port);
-  }
+  /// 0: there is none to have.
+  [[nodiscard]] std::uint16_t port() const { return port_; }
 
  private:
-  int socket_ = -1;
+  int socket_;
+  std::uint16_t port_ = 0;
 };
 
 /// One transport with a door: what comes in passes it. What goes out by UDP does so, too: without
@@ -83,11 +84,11 @@ class Door final : public ChainedTransport, private LeaseEnd {
   /// (bind_socket() in its TCPTransportInterface.cpp; mended in eProsima/Fast-DDS pull request
   /// 6378): who comes back is another. The sockets listen already, and where is told already.
   void reaching_out() override {
-    if (!watch_->answers_by_connection() || std::exchange(has_name_, true)) return;
+    if (!watch_->answers_by_connection() || name_) return;
+    name_.emplace();
     auto* const tcp =
         dynamic_cast<rtps::TCPTransportDescriptor*>(low_level_transport_->get_configuration());
-    const std::uint16_t name = name_.take();
-    if (tcp != nullptr && name != 0) tcp->listening_ports.assign(1, name);
+    if (tcp != nullptr && name_->port() != 0) tcp->listening_ports.assign(1, name_->port());
   }
   /// The door has set them.
   [[nodiscard]] bool takes_places_as_told() const override {
@@ -252,8 +253,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
         if (watch_->paces()) watch_->leave_out(message, places, place_of);
         return size_without_statistics(message);
       }};
-  OwnPort name_;
-  bool has_name_ = false;
+  std::optional<OwnPort> name_;
   std::mutex copies_mutex_;
   std::vector<std::unique_ptr<RtpsCopy>> copies_;  ///< that nobody uses now
   std::mutex mutex_;
@@ -326,17 +326,12 @@ void name_builtin_transports(fdds::DomainParticipantQos& qos) {
   qos.transport().user_transports.push_back(shared);
 }
 
-bool all_udp(const fdds::DomainParticipantQos& qos) {
+/// Whether all transports are of one kind.
+template <class Transport>
+bool all_are(const fdds::DomainParticipantQos& qos) {
   const auto& transports = qos.transport().user_transports;
   return std::all_of(transports.begin(), transports.end(), [](const auto& transport) {
-    return dynamic_cast<const rtps::UDPTransportDescriptor*>(transport.get()) != nullptr;
-  });
-}
-
-bool all_tcp(const fdds::DomainParticipantQos& qos) {
-  const auto& transports = qos.transport().user_transports;
-  return std::all_of(transports.begin(), transports.end(), [](const auto& transport) {
-    return dynamic_cast<const rtps::TCPTransportDescriptor*>(transport.get()) != nullptr;
+    return dynamic_cast<const Transport*>(transport.get()) != nullptr;
   });
 }
 
@@ -374,8 +369,8 @@ void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   const bool is_plain = discovery.discoveryProtocol == DiscoveryProtocol::SIMPLE;
   const DoorRules rules{
       .is_plain = is_plain,
-      .by_udp_alone = all_udp(qos),
-      .by_tcp_alone = all_tcp(qos),
+      .by_udp_alone = all_are<rtps::UDPTransportDescriptor>(qos),
+      .by_tcp_alone = all_are<rtps::TCPTransportDescriptor>(qos),
       .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
       .identity_period_s = identity_period_s,
       .bodies = is_plain ? told_bodies_in(qos.user_data().getValue()) : std::nullopt};

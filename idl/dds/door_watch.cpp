@@ -76,7 +76,7 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
     verdict.refusal = book_.hear(verdict, from);
     if (!verdict.refusal && rules_.is_plain) book_.hold_back(verdict);
     if (!verdict.refusal && paces()) note_for_pace(verdict, was_known);
-    if (!verdict.refusal && from.connection)
+    if (!verdict.refusal && from.connection && !verdict.tcp_places.empty())
       verdict.reach_by(book_.connection_of(verdict.source).value_or(*from.connection));
   }
   if (verdict.refusal) count(*verdict.refusal);

@@ -287,7 +287,8 @@ struct Submessages {
             for (const std::uint32_t before : {4U, 3U})
               verdict.changes.push_back({offset + static_cast<std::uint32_t>(place) - before, 0});
           if (!is_parameter(id, bytes, *little_endian)) return false;
-          if (id == kEndpointPlace) note_tcp_place(offset + place, bytes, *little_endian);
+          if (id == kEndpointPlace)
+            note_tcp_place(offset + place, place_of(bytes, *little_endian), *little_endian);
           return true;
         });
         return whole ? kNone : DoorRefusal::kParameters;
@@ -351,8 +352,7 @@ struct Submessages {
     return place;
   }
 
-  void note_tcp_place(std::size_t at, Bytes bytes, bool little_endian) {
-    const RtpsPlace told = place_of(bytes, little_endian);
+  void note_tcp_place(std::size_t at, const RtpsPlace& told, bool little_endian) {
     if (told.kind == kTcp4 || told.kind == kTcp6)
       verdict.tcp_places.push_back({at, told.port, told.kind, little_endian});
   }
@@ -382,10 +382,11 @@ struct Submessages {
         if (id == 0x0062) found.name = Cursor(bytes, *little_endian).bytes();
         if (id == 0x002c) found.user = Cursor(bytes, *little_endian).bytes();
         if (id == 0x1001) found.is_secured = true;  // an identity
-        if ((id == kDataPlace || id == kDiscoveryPlace) && found.place_count < found.places.size())
-          found.places[found.place_count++] = place_of(bytes, *little_endian);
-        if (id == kDataPlace || id == kDiscoveryPlace)
-          note_tcp_place(offset + place, bytes, *little_endian);
+        if (id == kDataPlace || id == kDiscoveryPlace) {
+          const RtpsPlace told = place_of(bytes, *little_endian);
+          if (found.place_count < found.places.size()) found.places[found.place_count++] = told;
+          note_tcp_place(offset + place, told, *little_endian);
+        }
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;

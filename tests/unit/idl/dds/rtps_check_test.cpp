@@ -282,10 +282,17 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
   EXPECT_EQ(m.bytes[verdict.announcement->lease_at + 7], 0x80);
 }
 
-/// The message as it is handed on.
-nearmesh::test::RtpsBytes changed(nearmesh::test::RtpsBytes bytes, const RtpsVerdict& verdict) {
-  for (const RtpsChange& change : verdict.changes) bytes[change.at] = change.value;
-  return bytes;
+/// As it would be handed on.
+nearmesh::test::RtpsBytes handed_on(const nearmesh::test::RtpsBytes& bytes,
+                                    const RtpsVerdict& verdict) {
+  EXPECT_FALSE(verdict.refusal);
+  RtpsCopy copy;
+  const auto passed = copy.of(std::span(bytes).first(verdict.size), verdict);
+  return {passed.begin(), passed.end()};
+}
+nearmesh::test::RtpsBytes handed_on(const nearmesh::test::RtpsBytes& bytes,
+                                    std::uint32_t turn = 0) {
+  return handed_on(bytes, check_rtps(bytes, turn));
 }
 
 TEST(RtpsCheck, PlacesOfTcpBecomeThoseOfTheConnection) {
@@ -307,7 +314,7 @@ TEST(RtpsCheck, PlacesOfTcpBecomeThoseOfTheConnection) {
   RtpsVerdict verdict = check_rtps(told(5101, 9));
   ASSERT_FALSE(verdict.refusal);
   verdict.reach_by(connection);
-  EXPECT_EQ(changed(told(5101, 9), verdict), told(40'001, 7));
+  EXPECT_EQ(handed_on(told(5101, 9), verdict), told(40'001, 7));
   verdict = check_rtps(told(5101, 9, 1));
   verdict.reach_by(connection);
   EXPECT_TRUE(verdict.changes.empty()) << "of UDP";
@@ -420,15 +427,6 @@ TEST(RtpsCheck, EndpointOfAnotherIsToldOf) {
   EXPECT_FALSE(endpoint(2).refusal);
   EXPECT_TRUE(endpoint(1).tells_of_endpoints);
   EXPECT_FALSE(check_rtps(message().announcement().bytes).tells_of_endpoints);
-}
-
-/// As it would be handed on.
-RtpsBytes handed_on(const RtpsBytes& bytes, std::uint32_t turn = 0) {
-  const RtpsVerdict verdict = check_rtps(bytes, turn);
-  EXPECT_FALSE(verdict.refusal);
-  RtpsCopy copy;
-  const auto passed = copy.of(std::span(bytes).first(verdict.size), verdict);
-  return {passed.begin(), passed.end()};
 }
 
 /// An endpoint whose type is told, whole in data or in fragments.
