@@ -283,15 +283,13 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
 }
 
 /// As it would be handed on.
-nearmesh::test::RtpsBytes handed_on(const nearmesh::test::RtpsBytes& bytes,
-                                    const RtpsVerdict& verdict) {
+RtpsBytes handed_on(const RtpsBytes& bytes, const RtpsVerdict& verdict) {
   EXPECT_FALSE(verdict.refusal);
   RtpsCopy copy;
   const auto passed = copy.of(std::span(bytes).first(verdict.size), verdict);
   return {passed.begin(), passed.end()};
 }
-nearmesh::test::RtpsBytes handed_on(const nearmesh::test::RtpsBytes& bytes,
-                                    std::uint32_t turn = 0) {
+RtpsBytes handed_on(const RtpsBytes& bytes, std::uint32_t turn = 0) {
   return handed_on(bytes, check_rtps(bytes, turn));
 }
 
