@@ -33,7 +33,8 @@ using RegionMaker =
     std::function<std::vector<RegionPart>(std::size_t max_parts, std::span<const GridBox> near)>;
 
 /// At most so many parts (>= 1) that cover all that the given ones do: those close together become
-/// one box. Cost: O(n log n) for each doubling of `most`.
+/// one box.
+/// Cost: O(n log n) for each doubling of `most`.
 [[nodiscard]] std::vector<RegionPart> merge_by_place(std::vector<RegionPart> parts,
                                                      std::size_t most);
 

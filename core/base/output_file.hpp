@@ -40,8 +40,8 @@ class OutputFile {
                                                  const std::vector<std::string>& inputs = {});
   /// A whole file, of which only close() is left, which puts it in place: several appear together
   /// where none is closed before all could be written. Of very many those beyond a quarter of the
-  /// process's descriptors stand beside their places meanwhile. Errors: also those of
-  /// check_output().
+  /// process's descriptors stand beside their places meanwhile.
+  /// Errors: also those of check_output().
   [[nodiscard]] static Result<OutputFile> whole(const std::string& path, const FileKind& kind,
                                                 std::string_view bytes,
                                                 const std::vector<std::string>& inputs = {});

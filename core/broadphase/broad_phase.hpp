@@ -31,7 +31,8 @@ struct Company {
 /// the order in which bodies came, on where they were before, nor on the trees below.
 /// How: each body's *roam* is a larger box, where it is expected to stay for some frames. Only when
 /// the box leaves the roam is the tree changed, and are pairs of roams that meet looked for again.
-/// In between, only the boxes of these are compared. Threads: one at a time.
+/// In between, only the boxes of these are compared.
+/// Threads: one at a time.
 class BroadPhase {
  public:
   using Slot = std::uint32_t;  ///< of a body; one that was removed is used again

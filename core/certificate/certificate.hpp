@@ -23,8 +23,8 @@ namespace nearmesh {
 /// How body b moves as seen from body a, rounded as a request is.
 [[nodiscard]] CertificateRequest::Pair relative(const Motion& a, const Motion& b);
 
-/// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads:
-/// one at a time.
+/// Makes the batches, a little at a time, so that who serves many is never held up by one.
+/// Threads: one at a time.
 class CertificateMaker {
  public:
   /// So many splits at most are sent for one request, and those that they rest on, and so many
@@ -32,8 +32,8 @@ class CertificateMaker {
   static constexpr std::size_t kMaxSplits = 16'384;
   static constexpr std::uint64_t kMaxTests = 10'000'000;
 
-  /// `mirrors`: of the request's models, in their order. In: a request that check_request()
-  /// accepted.
+  /// `mirrors`: of the request's models, in their order.
+  /// In: a request that check_request() accepted.
   CertificateMaker(CertificateRequest request, std::vector<std::shared_ptr<Mirror>> mirrors);
 
   struct Part {
@@ -89,7 +89,8 @@ struct BegunCertificate {
 };
 
 /// Finds the mirrors for a request, and makes those that sleep, or are not there, of what they were
-/// or what the peer says that it holds, in parts. Threads: one at a time.
+/// or what the peer says that it holds, in parts.
+/// Threads: one at a time.
 class CertificateBeginner {
  public:
   /// The file of a content that is served here; else nullptr.

@@ -70,7 +70,8 @@ class MirrorMaker {
 /// kept in two or three bits a split, and who asks for one makes it anew of these. One that is
 /// awake keeps its file open, one that sleeps does not: where a tile of a world is to be closed,
 /// its mirrors are to sleep. No peer takes the others' room: where that is short, the mirrors of a
-/// peer that has more than one of kShares go first, and do not sleep. Threads: one at a time.
+/// peer that has more than one of kShares go first, and do not sleep.
+/// Threads: one at a time.
 class Mirrors {
  public:
   /// Together they hold so many splits at most; and so many there are.

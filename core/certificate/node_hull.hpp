@@ -21,7 +21,8 @@ struct NodeHull {
   [[nodiscard]] std::vector<GridPoint> points(const SplitStore& store) const;
 };
 /// In: a node that file.store() knows (SplitStore::is_node). Errors: those of ModelFile::require().
-/// Deterministic. Cost: some microseconds a vertex up to 256 vertices, then no more.
+/// Deterministic.
+/// Cost: some microseconds a vertex up to 256 vertices, then no more.
 [[nodiscard]] Result<NodeHull> hull_of_node(ModelFile& file, NodeSpan node);
 /// Some of these points, for less: the node's vertices, and those of the faces of splits below it.
 [[nodiscard]] Result<NodeHull> hull_below(ModelFile& file, NodeSpan node);

@@ -44,7 +44,8 @@ enum class AttachRule : std::uint8_t {
 /// Walks below request.attach, largest node first, into every node whose box meets the region.
 /// `require` is called before a split is looked up, so that a file can decode the block; it may be
 /// empty (peer). Attach nodes that are not nodes of the forest are skipped when `require` is empty,
-/// else reported by `require`. Deterministic. Cost: O(visited log visited).
+/// else reported by `require`.
+/// Deterministic. Cost: O(visited log visited).
 [[nodiscard]] Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                                      const std::function<Status(NodeSpan)>& require,
                                      AttachRule rule = AttachRule::kInRegion);
@@ -61,7 +62,8 @@ class Collector {
   Collector(Collector&&) noexcept;
 
   /// Looks at some `work` nodes more (a block that is decoded counts as several). Out: true when
-  /// the walk is over. Errors: those of `require`; the walk is over then too.
+  /// the walk is over.
+  /// Errors: those of `require`; the walk is over then too.
   [[nodiscard]] Result<bool> advance(std::size_t work);
   /// What was found, the treelet not in preorder but in the order of the walk; once, when the walk
   /// is over.

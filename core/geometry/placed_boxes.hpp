@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Eight boxes and slabs of one posed model, seen from both models of a pair: made once a pair of
-// poses, tested against many. In floats, which hold twice as many lanes as doubles and half as much
-// of the cache; rounded outwards, so that "apart" is what it is in lanes.hpp: true of the posed
-// integer geometry. The same bits on every machine.
+// poses, tested against many.
+// In floats, which hold twice as many lanes as doubles and half as much of the cache; rounded
+// outwards, so that "apart" is what it is in lanes.hpp: true of the posed integer geometry. The
+// same bits on every machine.
 
 #include "nearmesh/core/geometry/detail/lanes.hpp"
 
@@ -44,8 +45,8 @@ struct PlacedFaces {
 };
 
 /// What is certain of pairs of triangles, lane by lane, as bits: triangles_overlap of the posed
-/// ones is false, or is true. In neither are pairs within some lattice cells of just touching, and
-/// flat ones.
+/// ones is false, or is true.
+/// In neither are pairs within some lattice cells of just touching, and flat ones.
 struct PairVerdicts {
   std::uint32_t apart = 0, touching = 0;
 };

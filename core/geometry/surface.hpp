@@ -24,8 +24,9 @@ struct UnclosedEdges {
   std::uint64_t disagreeing = 0;  ///< with more faces, whose orientations do not cancel
 };
 /// Vertices are told apart by place. Segments and points pass each edge both ways, so they open
-/// none. In: below 2^31 vertices, each at a place of its own. Cost: O(n) where edges at a vertex
-/// are few, 12 bytes a face.
+/// none.
+/// In: below 2^31 vertices, each at a place of its own. Cost: O(n) where edges at a vertex are few,
+/// 12 bytes a face.
 [[nodiscard]] UnclosedEdges count_unclosed_edges(std::span<const GridPoint> positions,
                                                  SurfaceFaces faces);
 

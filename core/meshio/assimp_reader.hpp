@@ -10,8 +10,8 @@
 namespace nearmesh::meshio {
 
 /// All triangles of the file, node after node, each in its node's frame, in the file's units. What
-/// assimp's reader turns or scales of its own accord is undone where it is known (formats.hpp). In:
-/// node: only the nodes of this name and what hangs on them; empty: all. Errors, the message
+/// assimp's reader turns or scales of its own accord is undone where it is known (formats.hpp).
+/// In: node: only the nodes of this name and what hangs on them; empty: all. Errors, the message
 /// without the path: kUnsupported (no reader; an extension of glTF that assimp would skip; a unit
 /// that is not known here), kCorrupt (assimp refuses, or gives indices out of range; a unit that is
 /// none), kNotFound (no such node).

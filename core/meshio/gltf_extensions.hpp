@@ -10,9 +10,10 @@
 namespace nearmesh::meshio {
 
 /// Whether all that a glTF file demands (extensionsRequired) leaves its geometry alone. A file of
-/// another format demands nothing. Cost: linear; the file is held, its JSON is not. Errors, the
-/// message without the path: kUnsupported (an extension that changes geometry, or may), kCorrupt
-/// (no JSON; demands that are no list of names), kIo.
+/// another format demands nothing.
+/// Cost: linear; the file is held, its JSON is not. Errors, the message without the path:
+/// kUnsupported (an extension that changes geometry, or may), kCorrupt (no JSON; demands that are
+/// no list of names), kIo.
 [[nodiscard]] Status check_gltf_demands(const std::string& path);
 
 }  // namespace nearmesh::meshio

@@ -55,13 +55,14 @@ struct HeightGrid {
 };
 
 /// Whether a grid can be that large and `bytes` of the file can hold it, `per_byte` posts at most
-/// in each. Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
+/// in each.
+/// Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
 [[nodiscard]] Status check_grid_size(const std::string& format, std::uint64_t columns,
                                      std::uint64_t rows, std::uint64_t bytes, double per_byte);
 
 /// What options say beside the file, without a look at samples: places and the meaning of samples
-/// enter the grid. Gives the model's frame. Errors: kInvalidArgument (options are missing,
-/// contradict the file, or make no sense).
+/// enter the grid. Gives the model's frame.
+/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense).
 [[nodiscard]] Result<TerrainFrame> settle_grid(HeightGrid& grid, const TerrainOptions& options);
 /// A part of a settled grid, without samples. Its posts are those of the whole, to the bit.
 [[nodiscard]] HeightGrid window_of(const HeightGrid& grid, const GridWindow& window);
@@ -70,9 +71,9 @@ struct HeightGrid {
                                          const TerrainOptions& options);
 
 /// Two triangles a cell, counter-clockwise from above; their common edge runs from south-west to
-/// north-east. A triangle with a corner without data is left out, where it is not filled. Errors:
-/// kInvalidArgument (options are missing, contradict the file, or make no sense; a height or a
-/// place that is no number).
+/// north-east. A triangle with a corner without data is left out, where it is not filled.
+/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense; a height
+/// or a place that is no number).
 [[nodiscard]] Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options);
 
 }  // namespace nearmesh::meshio

@@ -26,7 +26,8 @@ void transform_part(IndexedMesh& mesh, std::size_t position, std::size_t positio
                                                    const std::string& name);
 
 /// An OBJ with a part for each object; those of one name are one. `wanted`: this object alone;
-/// empty: all. Errors: those of read_obj, and kNotFound.
+/// empty: all.
+/// Errors: those of read_obj, and kNotFound.
 [[nodiscard]] Result<SceneMesh> read_obj_objects(std::string_view bytes, const std::string& wanted);
 
 }  // namespace nearmesh::meshio

@@ -34,9 +34,9 @@ class QueryMethod {
   [[nodiscard]] virtual Result<MethodAnswer> answer(const PosedPair& posed) = 0;
 };
 
-/// Name: full, base, global, grid or certified. The files must outlive the method. Errors:
-/// kInvalidArgument where a solid is asked for whose model is open, or of a method that knows no
-/// inside.
+/// Name: full, base, global, grid or certified. The files must outlive the method.
+/// Errors: kInvalidArgument where a solid is asked for whose model is open, or of a method that
+/// knows no inside.
 [[nodiscard]] Result<std::unique_ptr<QueryMethod>> make_query_method(
     const std::string& name, ModelFile& a, ModelFile& b, const QueryMethodOptions& options);
 

@@ -26,7 +26,8 @@ class TileNotes {
  public:
   explicit TileNotes(std::string world) : world_(std::move(world)) {}
   /// None where none is kept, or the tile that it names is not there, or not whole: a damaged one
-  /// is told of on standard error. Cost: each tile's file is read once, however many notes name it.
+  /// is told of on standard error.
+  /// Cost: each tile's file is read once, however many notes name it.
   [[nodiscard]] std::optional<TileNote> read(const std::string& path);
   /// Of a tile that was just baked, or was read. Errors: kIo, naming the path.
   [[nodiscard]] Status write(const std::string& path, const TileNote& note);

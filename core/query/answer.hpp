@@ -58,8 +58,9 @@ struct Answered {
 [[nodiscard]] bool is_cut(const Answer& answer, const AnswerOptions& options);
 
 /// Errors: those of pose_pair; kInvalidArgument for a solid body whose surface is open. Both name
-/// the body. Deterministic; what is not in the options does not change Answer, nor do ages.
-/// Threads: views may be shared.
+/// the body.
+/// Deterministic; what is not in the options does not change Answer, nor do ages. Threads: views
+/// may be shared.
 [[nodiscard]] Result<Answered> answer(const AskedBody& a, const AskedBody& b,
                                       const AnswerOptions& options = {});
 
@@ -74,9 +75,10 @@ struct KeptFree {
 
 /// Where the bodies have moved so little that the trees need not be asked: what answer() says, but
 /// for its bounds, which are worked out from those of then, and so hold as well; none where that is
-/// not certain. The digest is the same. In: clearance_left() of what was kept. Both views as they
-/// were then, to the last split and half-space, neither body solid. Cost: a hundred operations.
-/// Threads: any.
+/// not certain. The digest is the same.
+/// In: clearance_left() of what was kept. Both views as they were then, to the last split and
+/// half-space, neither body solid.
+/// Cost: a hundred operations. Threads: any.
 [[nodiscard]] std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b,
                                                  const KeptFree& kept, const ClearanceLeft& left,
                                                  const AnswerOptions& options);

@@ -50,7 +50,8 @@ struct ClearanceLeft {
 /// Where a certified answer without a pair gave `clearance_m`, about the same two contents: no
 /// point of a body has gone farther than its pose's change takes it, whichever way it went
 /// meanwhile, and what is held does not matter. Of poses that are the same to the bit, what was
-/// said then. What both have been shifted by alike does not count. In: the pair's lattice.
+/// said then. What both have been shifted by alike does not count.
+/// In: the pair's lattice.
 [[nodiscard]] ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice_exp,
                                            double clearance_m);
 

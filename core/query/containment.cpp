@@ -36,12 +36,13 @@ int sign(Int x) {
 /// First the box along the lattice's axes, exact. Then, for turned solids, in doubles along six
 /// axes n: the normals of the sides of the box's shadow on the plane (u, v), a hexagon whose sides
 /// run along the shadows of the grid's axes; and the grid's axes themselves, along each of which
-/// the ray goes one way for ever. In lattice cells relative to the frame's translation all
-/// magnitudes are below 2^41: positions in the grid span at most sqrt(3) 2^38 cells, the ray starts
-/// within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64 roundings of values below
-/// 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell on each
-/// axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact,
-/// and so is the way that the ray goes, an integer's sign.
+/// the ray goes one way for ever.
+/// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in
+/// the grid span at most sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| <
+/// 1.00002 (check_pose). Fewer than 64 roundings of values below 2^41 err by less than 2^-6 in all,
+/// and pose_point moves a corner by at most half a cell on each axis, that is kError and kReach.
+/// Coordinates of boxes and differences of positions are exact, and so is the way that the ray
+/// goes, an integer's sign.
 class RayTest {
  public:
   RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {

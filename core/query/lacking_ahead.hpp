@@ -28,8 +28,9 @@ struct Lacking {
 /// larger. Split these, and ask again. Where tests run out, what was found by then: the nodes that
 /// matter soonest. With `require_a` and `require_b`, for who has the whole models, also nodes below
 /// those, as far as boxes alone tell: one look instead of one a level of the forest. Parents and
-/// their parts may come in any order. Errors: those of sweep() and of `require`. Deterministic.
-/// Threads: views may be shared. Cost: that of a sweep without its faces' tests.
+/// their parts may come in any order.
+/// Errors: those of sweep() and of `require`. Deterministic. Threads: views may be shared. Cost:
+/// that of a sweep without its faces' tests.
 [[nodiscard]] Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a,
                                             std::string_view name_a, const TreeView& b,
                                             const Motion& motion_b, std::string_view name_b,

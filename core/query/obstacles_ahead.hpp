@@ -26,8 +26,8 @@ class ObstaclesAhead {
   /// Appends obstacles of a node of a's that none of `told` keeps clear, whatever a holds of the
   /// node: until there are `most` in `to`, or so many tests were made. Where none is left, and
   /// there were tests enough, lacking_ahead() with these motions finds nothing that the node lacks
-  /// once it is told these half-spaces. They refer to this object. Out: tests made; more than
-  /// `max_tests` where they did not suffice. Deterministic.
+  /// once it is told these half-spaces. They refer to this object.
+  /// Out: tests made; more than `max_tests` where they did not suffice. Deterministic.
   [[nodiscard]] std::uint64_t find(NodeSpan node, std::span<const HalfSpace> told, std::size_t most,
                                    std::uint64_t max_tests, std::vector<Obstacle>& to);
 

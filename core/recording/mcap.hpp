@@ -74,9 +74,9 @@ struct Visitor {
   std::function<Status(std::string_view name, std::span<const std::uint8_t> data)> attachment;
 };
 
-/// Reads a file from its begin to the end of its data; the summary is not needed. Errors:
-/// kNotFound; kCorrupt naming the byte; kUnsupported for compressed chunks; kIo; those of the
-/// visitor.
+/// Reads a file from its begin to the end of its data; the summary is not needed.
+/// Errors: kNotFound; kCorrupt naming the byte; kUnsupported for compressed chunks; kIo; those of
+/// the visitor.
 [[nodiscard]] Status read(const std::string& path, const Visitor& visitor);
 
 }  // namespace nearmesh::mcap

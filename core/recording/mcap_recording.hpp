@@ -17,9 +17,9 @@ namespace nearmesh {
 [[nodiscard]] Result<std::vector<std::uint16_t>> begin_mcap_recording(RecordingReader& recording,
                                                                       mcap::Writer& file);
 
-/// Makes a recording of one part at `path`, which must not exist, from an MCAP file. Errors: those
-/// of mcap::read; kCorrupt where it holds no recording or a damaged one; kUnsupported for a later
-/// version; those of RecordingWriter. What was begun is removed then.
+/// Makes a recording of one part at `path`, which must not exist, from an MCAP file.
+/// Errors: those of mcap::read; kCorrupt where it holds no recording or a damaged one; kUnsupported
+/// for a later version; those of RecordingWriter. What was begun is removed then.
 [[nodiscard]] Status unpack_mcap_recording(const std::string& mcap_path, const std::string& path);
 
 }  // namespace nearmesh

@@ -27,7 +27,8 @@ struct HeldNodes {
 };
 
 /// Splits that wait for their parents are left out: what is said is all only where there is none
-/// (Replica::parked_splits). Cost: O(splits done).
+/// (Replica::parked_splits).
+/// Cost: O(splits done).
 [[nodiscard]] HeldNodes held_nodes(const Replica& replica);
 /// The same of a mesh over any store that knows its splits.
 [[nodiscard]] HeldNodes held_nodes(const ActiveMesh& mesh);
@@ -49,7 +50,8 @@ class HeldWalk {
     std::vector<HalfSpace> half_spaces;
   };
   /// The next node of two vertices or more, of which something is said; what makes it came before.
-  /// Null: there is no other. Errors: those of held_batch(); nothing follows then.
+  /// Null: there is no other.
+  /// Errors: those of held_batch(); nothing follows then.
   [[nodiscard]] Result<const Node*> next();
 
  private:
@@ -75,8 +77,9 @@ class HeldWalk {
 
 /// What brings a new replica to hold the same, as one batch. `model`: a store that knows the model,
 /// or comes to know it by `require`. Whether the same came out is for the caller to see:
-/// state_hash() and held_nodes().box_digest. Errors: kInvalidArgument for bits that do not fit the
-/// model; those of `require`. Cost: O(splits).
+/// state_hash() and held_nodes().box_digest.
+/// Errors: kInvalidArgument for bits that do not fit the model; those of `require`. Cost:
+/// O(splits).
 [[nodiscard]] Result<SplitBatch> held_batch(const SplitStore& model,
                                             const std::function<Status(NodeSpan)>& require,
                                             std::span<const std::uint8_t> bits);

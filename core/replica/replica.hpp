@@ -44,12 +44,13 @@ class Replica {
     std::vector<NodeSpan> audited;
   };
   /// Takes in a batch under its seal. The result depends on the set of batches, not on their order;
-  /// repeats are harmless. Errors: those of decode_sealed, with nothing changed; kCorrupt where a
-  /// record contradicts the model or what came before. Then all detail is forgotten, since nobody
-  /// can tell which part of it is wrong, and what the same sender sends from there on is counted
-  /// and dropped. Pieces of an audit are batches too: the block that they make is held against what
-  /// is known of it, and kCorrupt says what was told otherwise, with the hash of both. Cost:
-  /// O(batch and the slots that it changes).
+  /// repeats are harmless.
+  /// Errors: those of decode_sealed, with nothing changed; kCorrupt where a record contradicts the
+  /// model or what came before. Then all detail is forgotten, since nobody can tell which part of
+  /// it is wrong, and what the same sender sends from there on is counted and dropped. Pieces of an
+  /// audit are batches too: the block that they make is held against what is known of it, and
+  /// kCorrupt says what was told otherwise, with the hash of both.
+  /// Cost: O(batch and the slots that it changes).
   [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes, std::uint64_t sender = 0);
   /// The same of a batch that was kept since an earlier session. Where such detail is held nobody
   /// is to blame for what contradicts it. From the first of these on batches count from
@@ -65,7 +66,8 @@ class Replica {
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
   [[nodiscard]] const std::set<std::uint64_t>& distrusted() const { return distrusted_; }
   /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's
-  /// grid). Cost: O(known nodes that meet `keep`, and what is given up).
+  /// grid).
+  /// Cost: O(known nodes that meet `keep`, and what is given up).
   Times give_up(std::span<const RegionPart> keep);
 
   [[nodiscard]] const SpmHeader& header() const { return refined_.header(); }

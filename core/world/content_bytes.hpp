@@ -32,7 +32,8 @@ class ContentReader {
  public:
   explicit ContentReader(const ContentHash& content) : content_(content) {}
   /// Out: the bytes, once they are all there and have the digest. What does not fit those before,
-  /// or makes up other bytes, starts anew: kCorrupt. In: a piece without its seal.
+  /// or makes up other bytes, starts anew: kCorrupt.
+  /// In: a piece without its seal.
   [[nodiscard]] Result<std::optional<std::vector<std::uint8_t>>> take(
       std::span<const std::uint8_t> piece);
 

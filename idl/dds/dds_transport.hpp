@@ -23,7 +23,8 @@ inline constexpr std::uint32_t kMaxDatagramBytes = 1400;
   return options.security.empty() ? kMaxDatagramBytes : kSecuredDatagramBytes;
 }
 
-/// The initial peers of transport tcp. Errors: kInvalidArgument naming the one that is no address.
+/// The initial peers of transport tcp.
+/// Errors: kInvalidArgument naming the one that is no address.
 [[nodiscard]] Result<std::vector<sockaddr_in>> tcp_peers(const TransportOptions& options);
 
 /// Sets transports, initial peers, discovery, lease and life signs.

@@ -163,8 +163,9 @@ struct RtpsVerdict {
 };
 
 /// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation
-/// but for changes, far beginnings, and places of TCP. In: `turn`: which part of a long gap is
-/// left; to count up with each that was cut. Throws std::bad_alloc.
+/// but for changes, far beginnings, and places of TCP.
+/// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws
+/// std::bad_alloc.
 [[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
 
 /// How much of a message that Fast DDS sends by UDP goes out: all but the 60 bytes of statistics at

@@ -89,8 +89,9 @@ class Cursor {
 };
 
 /// What a message says: use(id, flags, body) of each submessage, but for those that only tell when
-/// it was said, to whom, and statistics. Out: false where use() gave false, and where it is
-/// malformed; then what follows is not looked at.
+/// it was said, to whom, and statistics.
+/// Out: false where use() gave false, and where it is malformed; then what follows is not looked
+/// at.
 template <class Use>
 [[nodiscard]] bool for_each_word(Cursor::Bytes message, const Use& use) {
   for (std::size_t at = rtps_ids::kHeaderBytes; at + 4 <= message.size();) {

@@ -62,8 +62,9 @@ struct RevocationReport {
 };
 /// Takes back every certificate that the set has issued in these names, and writes the list into
 /// each identity's folder. Certificates that are made for the names later count. What is revoked
-/// already stays so: then nothing is new. Errors: kNotFound for a name that the set does not have,
-/// naming those that it has; kConflict, kIo as make_security.
+/// already stays so: then nothing is new.
+/// Errors: kNotFound for a name that the set does not have, naming those that it has; kConflict,
+/// kIo as make_security.
 [[nodiscard]] Result<RevocationReport> revoke_identities(const std::string& folder,
                                                          const RevocationPlan& plan);
 

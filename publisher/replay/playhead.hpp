@@ -23,8 +23,9 @@ struct PlayheadOptions {
 /// one. `now_s` is any steady clock. Threads: one at a time. Reads a few hundred messages ahead.
 class Playhead {
  public:
-  /// Stands at start_s, and runs. The recording must outlive it, and hold a message. Errors:
-  /// kInvalidArgument (rate; times outside of the recording, with its range); those of the reader.
+  /// Stands at start_s, and runs. The recording must outlive it, and hold a message.
+  /// Errors: kInvalidArgument (rate; times outside of the recording, with its range); those of the
+  /// reader.
   [[nodiscard]] static Result<Playhead> create(RecordingReader& recording,
                                                const PlayheadOptions& options, double now_s);
 

@@ -83,7 +83,8 @@ class Replay {
 
   /// Live peers are answered from these files where they have the content, with all of its detail
   /// at any time: so new trajectories that are flown against the recording get certified answers.
-  /// Before begin(). Errors: those of the files. Out: so many of the recorded contents have a file.
+  /// Before begin(). Errors: those of the files.
+  /// Out: so many of the recorded contents have a file.
   [[nodiscard]] Result<std::size_t> serve_from(const ModelFolder& models);
   /// Sends what holds at the start. Errors: the reader's.
   [[nodiscard]] Status begin();

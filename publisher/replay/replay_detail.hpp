@@ -28,8 +28,9 @@ class RecordedDetail {
   /// before message `end`, with the half-spaces of nodes that these leave unresolved, in batches as
   /// the publisher encodes them; none when there are none. Attach nodes that were not known then
   /// are left out. Boxes are those of the whole recording, or an ancestor's where every batch had
-  /// split the node: both enclose the faces. Errors: kInvalidArgument, as check_request. Cost:
-  /// O(splits looked at); going back in time forgets what was looked at.
+  /// split the node: both enclose the faces.
+  /// Errors: kInvalidArgument, as check_request. Cost: O(splits looked at); going back in time
+  /// forgets what was looked at.
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer(const RegionRequest& request,
                                                                       std::int64_t end);
 

@@ -39,9 +39,9 @@ class ReplayIndex {
  public:
   /// `topics`: what is to be played, last parts of names; empty: all. `progress`: told the share
   /// read, now and then; false ends it. Samples that do not decode have a place in their stream and
-  /// no other effect. Errors: those of the reader; kUnsupported for another wire version;
-  /// kInvalidArgument for a recording without messages; kNotFound for a topic that is not in the
-  /// recording.
+  /// no other effect.
+  /// Errors: those of the reader; kUnsupported for another wire version; kInvalidArgument for a
+  /// recording without messages; kNotFound for a topic that is not in the recording.
   [[nodiscard]] static Result<std::unique_ptr<ReplayIndex>> build(
       RecordingReader& recording, const std::vector<std::string>& topics,
       const std::function<bool(double share)>& progress);

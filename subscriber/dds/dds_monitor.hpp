@@ -50,7 +50,8 @@ struct BusView {
 class DdsMonitor {
  public:
   /// `regions`: also hear the answers and requests of all peers, which they then send once more.
-  /// Nobody waits for it. Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
+  /// Nobody waits for it.
+  /// Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<DdsMonitor>> create(
       const wire::TransportOptions& transport, bool regions = false);
   ~DdsMonitor();

@@ -58,8 +58,9 @@ struct SamplePlace {
 class DdsRecorder {
  public:
   /// From its return on everything is heard that is sent to a matched reader; matching takes some
-  /// 100 ms. Errors: kInvalidArgument naming the option; those of RecordingWriter::create; kIo when
-  /// Fast DDS refuses.
+  /// 100 ms.
+  /// Errors: kInvalidArgument naming the option; those of RecordingWriter::create; kIo when Fast
+  /// DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<DdsRecorder>> create(const RecorderOptions& options);
   /// As finish(), without its status.
   ~DdsRecorder();

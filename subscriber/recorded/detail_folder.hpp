@@ -18,7 +18,8 @@ namespace nearmesh::subscriber {
 class DetailFolder {
  public:
   /// All files of the folder whose names end with .spm, and all worlds in it: its own folders, or
-  /// it is one itself. Errors: kNotFound where there is no such folder; kIo.
+  /// it is one itself.
+  /// Errors: kNotFound where there is no such folder; kIo.
   [[nodiscard]] static Result<std::unique_ptr<DetailFolder>> open(const std::string& folder);
 
   /// Calls use(file) with the model or tile of this content. Out: false where there is none.

@@ -39,8 +39,9 @@ struct McapExport {
 /// In: `peer`, a partition: whose meshes; empty: of the first that touched something, else of the
 /// first. `inputs` and errors of the file: as OutputFile::create(). Errors beside: those of the
 /// reader; kUnsupported for another wire version; kIo where there is no memory for replicas, or no
-/// room for temporary files. Cost: as verify. Derived messages wait in a temporary file until it is
-/// known between which samples they belong.
+/// room for temporary files.
+/// Cost: as verify. Derived messages wait in a temporary file until it is known between which
+/// samples they belong.
 [[nodiscard]] Result<McapExport> export_mcap(RecordingReader& recording, const std::string& path,
                                              const std::vector<std::string>& inputs,
                                              const std::string& peer,

@@ -87,7 +87,8 @@ class FilmMaker {
   explicit FilmMaker(const FilmPlan& plan);
   ~FilmMaker();
   /// Takes what came since the last call. In: the same recording each time, opened anew. `final`:
-  /// nothing more comes. Errors: those of make_film(); after one nothing more may be asked.
+  /// nothing more comes.
+  /// Errors: those of make_film(); after one nothing more may be asked.
   [[nodiscard]] Status go_on(RecordingReader& recording, bool final);
   /// As they are now, in the order in which they must be read. They only grow, by whole records.
   void visit(
@@ -99,7 +100,8 @@ class FilmMaker {
 };
 
 /// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory
-/// for replicas. Cost: as verify, and what changed.
+/// for replicas.
+/// Cost: as verify, and what changed.
 [[nodiscard]] Result<Film> make_film(RecordingReader& recording, const FilmPlan& plan = {});
 
 }  // namespace nearmesh::subscriber

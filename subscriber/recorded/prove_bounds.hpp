@@ -47,9 +47,9 @@ struct BoundsProof {
 };
 inline constexpr std::size_t kMaxWrongBounds = 16;
 
-/// Memory: some ten thousand messages, and a box for each watched body of each peer. Errors: those
-/// of the reader; kUnsupported for another wire version; kIo where there is no memory for a
-/// header's model.
+/// Memory: some ten thousand messages, and a box for each watched body of each peer.
+/// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory
+/// for a header's model.
 [[nodiscard]] Result<BoundsProof> prove_bounds(RecordingReader& recording);
 
 }  // namespace nearmesh::subscriber

@@ -243,7 +243,8 @@ class Playing {
  public:
   explicit Playing(PlayPlan plan);
   /// Takes what came since the last call. In: the same recording each time, opened anew. `final`:
-  /// nothing more comes. Errors: those of play(); after one nothing more may be asked.
+  /// nothing more comes.
+  /// Errors: those of play(); after one nothing more may be asked.
   [[nodiscard]] Status go_on(RecordingReader& recording, bool final);
   [[nodiscard]] const Played& played() const { return played_; }
   [[nodiscard]] Played finish();

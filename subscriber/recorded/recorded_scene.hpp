@@ -50,8 +50,9 @@ struct SceneChoice {
   std::int64_t contact_first_ns = 0;
 };
 
-/// The id of the last report chosen that was asked, of bodies that are no worlds. Errors:
-/// kUnsupported for another wire version; kNotFound, saying what there is; those of the reader.
+/// The id of the last report chosen that was asked, of bodies that are no worlds.
+/// Errors: kUnsupported for another wire version; kNotFound, saying what there is; those of the
+/// reader.
 /// Cost: reads backwards until it is found.
 [[nodiscard]] Result<std::int64_t> find_report(RecordingReader& recording,
                                                const SceneChoice& choice);
@@ -59,8 +60,9 @@ struct SceneChoice {
 /// The scenes of some reports, in their order, in one run through the recording. Each has a status
 /// of its own: kNotFound where the recording lacks batches or a header that the peer had, or the id
 /// is no report that was asked; kUnsupported of a world, and after give-ups that are not recorded;
-/// kConflict where what comes out is not what was recorded. Errors: those of the reader;
-/// kUnsupported for another wire version; kIo where there is no memory for replicas.
+/// kConflict where what comes out is not what was recorded.
+/// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory
+/// for replicas.
 [[nodiscard]] Result<std::vector<Result<RecordedScene>>> rebuild_scenes(
     RecordingReader& recording, const std::vector<std::int64_t>& reports);
 

@@ -20,8 +20,8 @@ inline constexpr FileKind kGlbFile{"a binary glTF file", "glTF"};
 
 /// Binary glTF 2.0: nodes for the two bodies and the contacts (lines, and tetrahedra around them)
 /// below one that moves to the origin of the body looked at, so that single precision is enough far
-/// out, below one that turns z up into glTF's y up. The attribute `_EPS_M` is eps_m. Errors:
-/// kUnsupported above 4 GiB.
+/// out, below one that turns z up into glTF's y up. The attribute `_EPS_M` is eps_m.
+/// Errors: kUnsupported above 4 GiB.
 [[nodiscard]] Result<std::string> to_glb(const RecordedScene& scene, std::size_t looked_at);
 
 }  // namespace nearmesh::subscriber::report

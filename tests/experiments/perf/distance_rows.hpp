@@ -17,8 +17,8 @@ struct Contender {
 };
 
 /// Adds rows of those poses in which the bodies are free, where there are any. Single thread, the
-/// least of three calls each. Out: how many distances lie outside nearmesh's exact bracket, by more
-/// than a lattice cell.
+/// least of three calls each.
+/// Out: how many distances lie outside nearmesh's exact bracket, by more than a lattice cell.
 [[nodiscard]] int time_distances(const std::string& workload, const PoseSet& set, const Model& a,
                                  const Model& b, std::span<Contender> others, int repeats,
                                  Report& report);

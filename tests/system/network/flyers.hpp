@@ -25,7 +25,8 @@ struct FlyersOptions {
 
 class Flyers {
  public:
-  /// Starts them. Throws std::runtime_error.
+  /// Starts them.
+  /// Throws std::runtime_error.
   Flyers(const Lan& lan, std::size_t host, const Exercise& exercise, std::vector<Motion> trajectory,
          const FlyersOptions& options);
   ~Flyers();

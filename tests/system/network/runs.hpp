@@ -41,8 +41,8 @@ struct Spent {
 };
 [[nodiscard]] Spent spent_by(const Process& process);
 
-/// flight1.csv and flight2.csv of the demo over the exercise's terrain, into the folder. Throws
-/// std::runtime_error.
+/// flight1.csv and flight2.csv of the demo over the exercise's terrain, into the folder.
+/// Throws std::runtime_error.
 void write_flights(const Folder& folder, const Exercise& exercise, int frames, double rate_hz);
 
 struct FlightOptions {

@@ -24,8 +24,9 @@ struct SoakOptions {
 };
 
 /// Writes soak.csv (samples), soak-totals.csv and soak-memory.csv, and prints what it found. Throws
-/// std::runtime_error. Out: true when no answer was wrong, no program failed and no file of ours
-/// was left in shared memory.
+/// std::runtime_error.
+/// Out: true when no answer was wrong, no program failed and no file of ours was left in shared
+/// memory.
 [[nodiscard]] bool soak(const SoakOptions& options, const Exercise& exercise);
 
 }  // namespace nearmesh::test

@@ -75,7 +75,8 @@ class AnswerCheck {
   explicit AnswerCheck(const Exercise& exercise) : exercise_(exercise) {}
   void take(const std::string& lines);
   /// Takes the verdict of a check that ended, and starts one of what waits: of all, or when that is
-  /// enough to be worth it. Throws std::runtime_error when a check gave no verdict.
+  /// enough to be worth it.
+  /// Throws std::runtime_error when a check gave no verdict.
   void step(bool all = false);
   void finish();
 

@@ -28,7 +28,8 @@ struct Slope {
 [[nodiscard]] Slope slope_of(const std::vector<double>& seconds, const std::vector<double>& values);
 
 /// Gives this process and what it starts from now on a /dev/shm of their own, empty. For a process
-/// of one thread; needs root. Throws std::runtime_error.
+/// of one thread; needs root.
+/// Throws std::runtime_error.
 void take_own_shared_memory();
 struct SharedFiles {
   std::size_t of_fast_dds = 0;

@@ -111,11 +111,13 @@ NEARMESH_API nearmesh_status nearmesh_bake_options_init(nearmesh_bake_options* o
                                                         size_t size) NEARMESH_NOTHROW;
 
 /// Makes a model of a mesh, and writes it to a .spm file, which appears under its name only when it
-/// is whole. In: `positions_m`: 3 numbers a vertex; `faces`: 3 places of vertices a face,
-/// counter-clockwise from outside. `options`: NULL for the defaults.
+/// is whole.
+/// In: `positions_m`: 3 numbers a vertex; `faces`: 3 places of vertices a face, counter-clockwise
+/// from outside. `options`: NULL for the defaults.
 /// Errors: NEARMESH_INVALID_ARGUMENT naming the vertex or the face; NEARMESH_UNSUPPORTED (hundreds
 /// of faces at one edge, a mesh too large); NEARMESH_IO; NEARMESH_CONFLICT where something is there
-/// that is no model. Cost: some seconds a million faces, 250 bytes a vertex. Threads: any.
+/// that is no model.
+/// Cost: some seconds a million faces, 250 bytes a vertex. Threads: any.
 NEARMESH_API nearmesh_status nearmesh_bake(const double* positions_m, size_t vertex_count,
                                            const uint32_t* faces, size_t face_count,
                                            const char* path, const nearmesh_bake_options* options,
@@ -155,7 +157,8 @@ NEARMESH_API void nearmesh_model_close(nearmesh_model* model) NEARMESH_NOTHROW;
 NEARMESH_API const nearmesh_model_facts* nearmesh_model_get_facts(const nearmesh_model* model)
     NEARMESH_NOTHROW;
 /// Checks every digest of the file; with `deep` also all that certified answers rest on, at the
-/// cost of decoding everything. Errors: NEARMESH_CORRUPT naming the place, NEARMESH_IO.
+/// cost of decoding everything.
+/// Errors: NEARMESH_CORRUPT naming the place, NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_check(nearmesh_model* model, int32_t deep,
                                                   nearmesh_error* error) NEARMESH_NOTHROW;
 
@@ -172,8 +175,8 @@ typedef struct nearmesh_face_pair {
 } nearmesh_face_pair;
 
 /// Which face of the mesh that was baked a face is, counted from 0. The first call decodes the
-/// whole file. Errors: NEARMESH_NOT_FOUND where the model has no such face; NEARMESH_CORRUPT,
-/// NEARMESH_IO.
+/// whole file.
+/// Errors: NEARMESH_NOT_FOUND where the model has no such face; NEARMESH_CORRUPT, NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_face_number(nearmesh_model* model, nearmesh_face face,
                                                         uint32_t* number, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -324,7 +327,8 @@ NEARMESH_API nearmesh_status nearmesh_query_create(nearmesh_model* a, nearmesh_m
 /// NULL: nothing.
 NEARMESH_API void nearmesh_query_destroy(nearmesh_query* query) NEARMESH_NOTHROW;
 /// The answer about the full meshes: certified, but where no detail settles it (a solid of too many
-/// parts). Out: `answer`, valid until the next call with this query.
+/// parts).
+/// Out: `answer`, valid until the next call with this query.
 /// Errors: NEARMESH_INVALID_ARGUMENT naming the body and what is wrong with its pose;
 /// NEARMESH_UNSUPPORTED where the two sizes or places are too far apart; NEARMESH_CORRUPT,
 /// NEARMESH_IO of the files. After NEARMESH_OUT_OF_MEMORY both files must be opened again: every
@@ -419,13 +423,15 @@ typedef struct nearmesh_session nearmesh_session;
 typedef uint32_t nearmesh_body;
 
 /// A session that is fed from .spm files (nearmesh_session_add_model): no network, no DDS, no
-/// thread. `options`: NULL for the defaults. Errors: NEARMESH_INVALID_ARGUMENT naming the option.
+/// thread. `options`: NULL for the defaults.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the option.
 NEARMESH_API nearmesh_status nearmesh_session_create_local(const nearmesh_session_options* options,
                                                            nearmesh_session** session,
                                                            nearmesh_error* error) NEARMESH_NOTHROW;
 /// A session on a DDS participant of its own. Takes some ten milliseconds. It has a thread, and
-/// Fast DDS has others. Errors: NEARMESH_INVALID_ARGUMENT naming the option; NEARMESH_IO where Fast
-/// DDS refuses; NEARMESH_UNSUPPORTED where the library was built without DDS.
+/// Fast DDS has others.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the option; NEARMESH_IO where Fast DDS refuses;
+/// NEARMESH_UNSUPPORTED where the library was built without DDS.
 NEARMESH_API nearmesh_status nearmesh_session_create_dds(const nearmesh_dds_options* dds,
                                                          const nearmesh_session_options* options,
                                                          nearmesh_session** session,
@@ -434,15 +440,16 @@ NEARMESH_API nearmesh_status nearmesh_session_create_dds(const nearmesh_dds_opti
 NEARMESH_API void nearmesh_session_destroy(nearmesh_session* session) NEARMESH_NOTHROW;
 
 /// Of a local session: serves a model from its file, now or later, under the name that bodies call
-/// it by. Errors: those of nearmesh_model_open; NEARMESH_CONFLICT where the name is taken or the
-/// content is served already; NEARMESH_INVALID_ARGUMENT (name); NEARMESH_UNSUPPORTED of a session
-/// with DDS.
+/// it by.
+/// Errors: those of nearmesh_model_open; NEARMESH_CONFLICT where the name is taken or the content
+/// is served already; NEARMESH_INVALID_ARGUMENT (name); NEARMESH_UNSUPPORTED of a session with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_add_model(nearmesh_session* session, const char* name,
                                                         const char* path, nearmesh_error* error)
     NEARMESH_NOTHROW;
 /// Of a local session: serves a world on disk (docs/worlds.md) as a model of that name; a body of
-/// it is a world. Errors: as nearmesh_session_add_model(); NEARMESH_NOT_FOUND, NEARMESH_IO,
-/// NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
+/// it is a world.
+/// Errors: as nearmesh_session_add_model(); NEARMESH_NOT_FOUND, NEARMESH_IO, NEARMESH_CORRUPT,
+/// NEARMESH_UNSUPPORTED, naming the file.
 NEARMESH_API nearmesh_status nearmesh_session_add_world(nearmesh_session* session, const char* name,
                                                         const char* folder, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -452,8 +459,8 @@ NEARMESH_API nearmesh_status nearmesh_session_set_connected(nearmesh_session* se
                                                             int32_t connected,
                                                             nearmesh_error* error) NEARMESH_NOTHROW;
 /// Of a local session: as if another peer had moved the body of this name, at this time. Nothing
-/// while it is not connected. Errors: NEARMESH_INVALID_ARGUMENT; NEARMESH_UNSUPPORTED of a session
-/// with DDS.
+/// while it is not connected.
+/// Errors: NEARMESH_INVALID_ARGUMENT; NEARMESH_UNSUPPORTED of a session with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_deliver(nearmesh_session* session,
                                                       const char* body_name,
                                                       const nearmesh_motion* motion, double time_s,
@@ -509,7 +516,8 @@ NEARMESH_API nearmesh_status nearmesh_session_remove_body(nearmesh_session* sess
                                                           nearmesh_body body,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
 /// From now on the body has another model; where it is stays. `content`: as in
-/// nearmesh_body_options. Errors: NEARMESH_NOT_FOUND, and those of nearmesh_session_add_body.
+/// nearmesh_body_options.
+/// Errors: NEARMESH_NOT_FOUND, and those of nearmesh_session_add_body.
 NEARMESH_API nearmesh_status nearmesh_session_replace_model(nearmesh_session* session,
                                                             nearmesh_body body, const char* model,
                                                             const char* content,
@@ -728,8 +736,9 @@ typedef struct nearmesh_readiness {
   uint64_t pairs, certified;  ///< watched pairs of the body, and how many are certified
   const char* reason;         ///< of the first pair that is least far; empty when certified
 } nearmesh_readiness;
-/// As of the last update. Out: valid until the next call of this or nearmesh_session_wait_ready().
-/// Errors: NEARMESH_NOT_FOUND.
+/// As of the last update.
+/// Out: valid until the next call of this or nearmesh_session_wait_ready(). Errors:
+/// NEARMESH_NOT_FOUND.
 NEARMESH_API nearmesh_status nearmesh_session_readiness(nearmesh_session* session,
                                                         nearmesh_body body,
                                                         const nearmesh_readiness** readiness,
@@ -751,7 +760,8 @@ typedef struct nearmesh_region_readiness {
   double uncertainty_m;  ///< infinite: no header
   const char* reason;    ///< empty when resolved
 } nearmesh_region_readiness;
-/// Of the box from lo_m to hi_m in the body's model frame. Out: valid until the next call of this.
+/// Of the box from lo_m to hi_m in the body's model frame.
+/// Out: valid until the next call of this.
 /// Errors: NEARMESH_NOT_FOUND; NEARMESH_INVALID_ARGUMENT where the box is empty or not finite.
 NEARMESH_API nearmesh_status nearmesh_session_region_readiness(
     nearmesh_session* session, nearmesh_body body, const double lo_m[3], const double hi_m[3],
@@ -762,7 +772,8 @@ NEARMESH_API nearmesh_status nearmesh_session_region_readiness(
 NEARMESH_API nearmesh_status nearmesh_session_motion_of(const nearmesh_session* session,
                                                         nearmesh_body body, nearmesh_motion* motion,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
-/// The body's name. Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND.
+/// The body's name.
+/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND.
 NEARMESH_API nearmesh_status nearmesh_session_name_of(nearmesh_session* session, nearmesh_body body,
                                                       const char** name, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -796,14 +807,15 @@ NEARMESH_API nearmesh_status nearmesh_session_held_mesh(nearmesh_session* sessio
 /// The same number while that mesh is the same; 0 where it is not found. Cost: some nanoseconds.
 NEARMESH_API uint64_t nearmesh_session_held_state(const nearmesh_session* session,
                                                   nearmesh_body body) NEARMESH_NOTHROW;
-/// The header of a body's model. Out: valid until the next call of this. Errors:
-/// NEARMESH_NOT_FOUND, also where it has not come.
+/// The header of a body's model.
+/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also where it has not come.
 NEARMESH_API nearmesh_status nearmesh_session_model_facts(nearmesh_session* session,
                                                           nearmesh_body body,
                                                           const nearmesh_model_facts** facts,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
 /// The latest time that a pose of another peer had: for who has no clock of the exercise and
-/// follows that of the others. Errors: NEARMESH_NOT_FOUND where none has come.
+/// follows that of the others.
+/// Errors: NEARMESH_NOT_FOUND where none has come.
 NEARMESH_API nearmesh_status nearmesh_session_heard_time(const nearmesh_session* session,
                                                          double* time_s, nearmesh_error* error)
     NEARMESH_NOTHROW;
@@ -900,9 +912,11 @@ typedef struct nearmesh_probe_report {
 } nearmesh_probe_report;
 
 /// Probes of a body where it was as of the last update. What they lack the next updates ask for:
-/// probe, update, probe again. In: `count` probes. Out: as many answers; `report`, which may be
-/// NULL, valid until the next probe of this session. Errors: NEARMESH_NOT_FOUND;
-/// NEARMESH_INVALID_ARGUMENT naming the probe, or for points in a body whose model is open.
+/// probe, update, probe again.
+/// In: `count` probes. Out: as many answers; `report`, which may be NULL, valid until the next
+/// probe of this session.
+/// Errors: NEARMESH_NOT_FOUND; NEARMESH_INVALID_ARGUMENT naming the probe, or for points in a body
+/// whose model is open.
 NEARMESH_API nearmesh_status nearmesh_session_probe_rays(
     nearmesh_session* session, nearmesh_body body, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, const nearmesh_probe_report** report,
@@ -923,8 +937,8 @@ NEARMESH_API nearmesh_status nearmesh_session_probe_boxes(
 
 /// The same of a file at hand, in a place: certified, as detail is read where answers need it, and
 /// kept for later ones. (A box that holds a part of a model of more than 256 parts stays
-/// uncertain.) Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT,
-/// NEARMESH_IO.
+/// uncertain.)
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO.
 NEARMESH_API nearmesh_status nearmesh_model_probe_rays(
     nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
@@ -941,8 +955,8 @@ NEARMESH_API nearmesh_status nearmesh_model_probe_boxes(
 /// A world of tiles on disk, made by `nearmesh-model build-world` (docs/worlds.md), as if it were
 /// one mesh.
 typedef struct nearmesh_world nearmesh_world;
-/// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64. Errors:
-/// NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT,
+/// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64.
+/// Errors: NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT,
 /// NEARMESH_UNSUPPORTED, naming the file.
 NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most_tiles,
                                                  nearmesh_world** world,
@@ -951,9 +965,10 @@ NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most
 NEARMESH_API void nearmesh_world_close(nearmesh_world* world) NEARMESH_NOTHROW;
 /// Probes of a world in a place: certified. Faces are the tile's; `tiles` says whose, and may be
 /// NULL. There are no probes of points, since tiles are not closed: to learn whether a point is
-/// below a ground, send a ray. Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose;
-/// NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file; NEARMESH_OUT_OF_MEMORY. What
-/// was read of tiles is forgotten after the latter ones, and the world may be asked again.
+/// below a ground, send a ray.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO,
+/// NEARMESH_CONFLICT, naming a file; NEARMESH_OUT_OF_MEMORY. What was read of tiles is forgotten
+/// after the latter ones, and the world may be asked again.
 NEARMESH_API nearmesh_status nearmesh_world_probe_rays(
     nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, nearmesh_world_tile* tiles, nearmesh_error* error) NEARMESH_NOTHROW;
@@ -968,8 +983,9 @@ NEARMESH_API nearmesh_status nearmesh_world_probe_boxes(
 
 /// Poses of bodies that others move, as the host heard them on a topic of its own: the next update
 /// takes them in, they age as those of the bus, and are not sent again. `times_s`: for when each
-/// holds, on the exercise's clock. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (an own
-/// body, a motion, a time); nothing is taken then.
+/// holds, on the exercise's clock.
+/// Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (an own body, a motion, a time); nothing
+/// is taken then.
 NEARMESH_API nearmesh_status nearmesh_session_hear(nearmesh_session* session,
                                                    const nearmesh_body* bodies,
                                                    const double* times_s,
@@ -1053,8 +1069,9 @@ NEARMESH_API nearmesh_status nearmesh_recording_next(nearmesh_recording* recordi
                                                      const nearmesh_recorded_message** message,
                                                      nearmesh_error* error) NEARMESH_NOTHROW;
 /// The next message that is a report of an answer; others are passed over, and so are reports that
-/// do not decode. Out: `report`, valid until the next call with this recording; NULL after the last
-/// one. Errors: NEARMESH_CORRUPT, NEARMESH_IO; NEARMESH_UNSUPPORTED for a recording of another wire
+/// do not decode.
+/// Out: `report`, valid until the next call with this recording; NULL after the last one.
+/// Errors: NEARMESH_CORRUPT, NEARMESH_IO; NEARMESH_UNSUPPORTED for a recording of another wire
 /// version, and where the library was built without DDS, whose codec this needs.
 NEARMESH_API nearmesh_status nearmesh_recording_next_report(nearmesh_recording* recording,
                                                             const nearmesh_recorded_report** report,

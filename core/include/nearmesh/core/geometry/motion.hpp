@@ -32,16 +32,16 @@ inline constexpr double kMaxTurnRad = 0x1p20;
 
 /// The pose after dt_s, may be negative: x(t) = exp([w] dt) R0 x + T0 + v dt, with v and w the
 /// motion's velocities. Exactly the given pose at dt_s = 0, and exactly its rotation where the body
-/// does not turn. Error: the rotation, as an operator and hence in each entry, is within
-/// pose_rotation_error(|w dt|) of the true one; the translation within 2^-50 (|T0| + |v dt|)
-/// metres.
+/// does not turn.
+/// Error: the rotation, as an operator and hence in each entry, is within pose_rotation_error(|w
+/// dt|) of the true one; the translation within 2^-50 (|T0| + |v dt|) metres.
 /// Precondition: check_motion accepted the motion, |w dt| <= kMaxTurnRad (asserted).
 [[nodiscard]] Pose pose_at(const Motion& motion, double dt_s);
 
 /// The velocities that take a body from one pose to another in `dt_s` by the smaller turn, at the
 /// first of them: pose_at then gives the second, but for rounding. A body that turns by more than
-/// half a turn in that time seems to turn the other way. Precondition: check_pose accepted both,
-/// dt_s > 0.
+/// half a turn in that time seems to turn the other way.
+/// Precondition: check_pose accepted both, dt_s > 0.
 [[nodiscard]] Motion motion_between(const Pose& from, const Pose& to, double dt_s);
 
 /// Bound of the error of a rotation by pose_at after a turn of so many radians: (64 + 320 turn)

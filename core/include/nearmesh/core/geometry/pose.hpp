@@ -32,8 +32,8 @@ struct Pose {
 /// takes: with E = R^T R - 1, a point by at most 0.51 |E| times its distance from the model's
 /// origin, |E| being the root of the sum of E's squares; 1e-7 of the distance for a rotation
 /// rounded to floats. A matrix within 2^-40 of a rotation (no entry of E beyond that) keeps its
-/// bits; so what this gives is not changed by it again. Deterministic. Precondition: check_pose
-/// accepted the pose.
+/// bits; so what this gives is not changed by it again. Deterministic.
+/// Precondition: check_pose accepted the pose.
 [[nodiscard]] Pose orthonormal(const Pose& pose);
 
 /// The rotation, row-major, of the quaternion w + x i + y j + z k, which is normalised first.
@@ -72,14 +72,15 @@ struct PosedFrame {
   Grid grid;
 };
 
-/// Derives the fixed-point placement. Precondition: check_pose accepted the pose. Moving the pose
-/// by a multiple of the lattice cell moves `translation` by exactly that integer whenever the
-/// pose's own doubles express the move exactly, whatever the rotation. Models with one lattice
-/// (Grid::lattice_cells) in one pose place equal points of that lattice alike, to the bit. Errors:
-/// kUnsupported when the translation does not fit 2^62 lattice cells, the model spans more than
-/// 2^38 of them (lattice_exponent never asks for that), or its cell is below 2^-100 of theirs: the
-/// other model is so much larger that doubles would overflow between the two. 2^-31 where it shares
-/// its lattice.
+/// Derives the fixed-point placement.
+/// Precondition: check_pose accepted the pose. Moving the pose by a multiple of the lattice cell
+/// moves `translation` by exactly that integer whenever the pose's own doubles express the move
+/// exactly, whatever the rotation. Models with one lattice (Grid::lattice_cells) in one pose place
+/// equal points of that lattice alike, to the bit.
+/// Errors: kUnsupported when the translation does not fit 2^62 lattice cells, the model spans more
+/// than 2^38 of them (lattice_exponent never asks for that), or its cell is below 2^-100 of theirs:
+/// the other model is so much larger that doubles would overflow between the two. 2^-31 where it
+/// shares its lattice.
 [[nodiscard]] Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose,
                                                   int lattice_exp);
 
@@ -128,7 +129,8 @@ struct LatticeBox {
 };
 /// The tightest one that holds pose_point of every grid point in `box`, hence every posed triangle
 /// with corners there. Exact: each coordinate grows or falls with each of the point's, so a corner
-/// of the box is the extreme. Precondition: the box is not empty.
+/// of the box is the extreme.
+/// Precondition: the box is not empty.
 [[nodiscard]] inline LatticeBox pose_box(const PosedFrame& frame, const GridBox& box) {
   LatticeBox out;
   for (int k = 0; k < 3; ++k) {

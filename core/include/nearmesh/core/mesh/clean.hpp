@@ -74,11 +74,11 @@ struct CleanResult {
 /// point: dropped where a kept face covers it, else kept with duplicated vertices (nothing that
 /// could be touched may vanish). Three distinct points on a line are an ordinary face. In: at least
 /// one face; indices in range; coordinates of referenced vertices finite and within
-/// kMaxCoordinate_m; options in range; below 2^31 vertices and 2^30 faces. Out: vertices in input
-/// order of the first at each grid point, duplicated ones last; faces in input order. Depends on
-/// the input alone. Errors: kInvalidArgument naming the first offender (vertex or face number, what
-/// was found), or a lattice on which the mesh does not fit; the input is untouched. Cost: O(n log
-/// n), about 0.3 s for a million faces.
+/// kMaxCoordinate_m; options in range; below 2^31 vertices and 2^30 faces.
+/// Out: vertices in input order of the first at each grid point, duplicated ones last; faces in
+/// input order. Depends on the input alone. Errors: kInvalidArgument naming the first offender
+/// (vertex or face number, what was found), or a lattice on which the mesh does not fit; the input
+/// is untouched. Cost: O(n log n), about 0.3 s for a million faces.
 [[nodiscard]] Result<CleanResult> clean_mesh(const IndexedMesh& mesh,
                                              const CleanOptions& options = {});
 

@@ -19,8 +19,9 @@ namespace nearmesh {
 
 /// Closes the sheet that generate_terrain(size, any seed) made by walls down to a flat floor, so
 /// that what is below the ground is inside: 12 size - 2 more triangles, oriented outward. floor_m
-/// is rounded down to a multiple of 2^-4 m. Errors: kInvalidArgument where the floor is not below
-/// the lowest height, or below -100 km; nothing was changed then.
+/// is rounded down to a multiple of 2^-4 m.
+/// Errors: kInvalidArgument where the floor is not below the lowest height, or below -100 km;
+/// nothing was changed then.
 [[nodiscard]] Status close_terrain(IndexedMesh& terrain, std::uint32_t size, double floor_m);
 
 /// An aircraft of about `size` triangles (within a tenth), about 60 m long, x forward, z up,

@@ -108,8 +108,8 @@ class TerrainFile {
   [[nodiscard]] std::uint64_t columns() const;
   [[nodiscard]] std::uint64_t rows() const;
   /// Vertices and faces of the window as import_mesh gives those of the whole; none where all is
-  /// without data. Precondition: the window lies in the grid. Errors: as import_mesh. Cost: linear
-  /// in the window.
+  /// without data.
+  /// Precondition: the window lies in the grid. Errors: as import_mesh. Cost: linear in the window.
   [[nodiscard]] Result<ImportedMesh> read(const GridWindow& window) const;
 
  private:

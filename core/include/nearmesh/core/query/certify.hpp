@@ -36,17 +36,19 @@ using Require = std::function<Status(NodeSpan)>;
 
 /// Repeats query and split of what is missing until nothing is. Each split is one that an uncertain
 /// answer named, so both models end with no more than the answer needs. Ends: every round splits at
-/// least one node. Out: certified, or is_beyond_detail(), or exhausted: QueryOptions::max_tests
-/// bound each round. Errors: those of require; kCorrupt where a model contradicts its boxes;
-/// kNotFound where require succeeds but the store still lacks the split. After an error make both
-/// models anew: mesh and tree may have parted.
+/// least one node.
+/// Out: certified, or is_beyond_detail(), or exhausted: QueryOptions::max_tests bound each round.
+/// Errors: those of require; kCorrupt where a model contradicts its boxes; kNotFound where require
+/// succeeds but the store still lacks the split. After an error make both models anew: mesh and
+/// tree may have parted.
 [[nodiscard]] Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a,
                                      const Require& require_a, LocalModel& b,
                                      const PosedFrame& frame_b, const Require& require_b,
                                      const QueryOptions& options, CertifyTimes* times = nullptr);
 
-/// Splits nodes that an answer misses, and lets the tree follow. Errors: those of require; kCorrupt
-/// and kNotFound as certify(), and the model is to be made anew then.
+/// Splits nodes that an answer misses, and lets the tree follow.
+/// Errors: those of require; kCorrupt and kNotFound as certify(), and the model is to be made anew
+/// then.
 [[nodiscard]] Status split_missing(LocalModel& model, const std::vector<NodeSpan>& nodes,
                                    const Require& require);
 

@@ -68,9 +68,9 @@ struct Contacts {
 
 /// The contacts of the pairs that an answer lists. Their faces are exact, so no segment is
 /// approximate; of a partial answer there may be more.
-/// In: the arguments of the query that gave `answer`, unchanged since. Deterministic to the bit.
-/// Swapped bodies give the same patches with opposite normals, up to rounding; so do bodies that
-/// are moved together by whole lattice cells.
+/// In: the arguments of the query that gave `answer`, unchanged since.
+/// Deterministic to the bit. Swapped bodies give the same patches with opposite normals, up to
+/// rounding; so do bodies that are moved together by whole lattice cells.
 /// Cost: no query and no test of the trees. One exact intersection a pair, sorting by faces, and at
 /// most five passes over a patch's ends for its manifold: O(pairs log pairs), about 1 us a pair; a
 /// tree without a store is searched for the faces, O(its faces).
@@ -81,8 +81,8 @@ struct Contacts {
 /// The contacts of the current meshes, coarse faces and all: the best guess while an answer is not
 /// certified, never a proof. A segment is flagged when one of its faces is not exact, and its patch
 /// then bounds how far from it the full surfaces may pass.
-/// In: frames as for query; at most max_pairs pairs of faces are worked out. Cost: O(n log n) in
-/// the faces of both current meshes, whose trees are built for this.
+/// In: frames as for query; at most max_pairs pairs of faces are worked out.
+/// Cost: O(n log n) in the faces of both current meshes, whose trees are built for this.
 [[nodiscard]] Contacts approximate_contacts(const ActiveMesh& a, const PosedFrame& frame_a,
                                             const ActiveMesh& b, const PosedFrame& frame_b,
                                             std::size_t max_pairs = kAllPairs);

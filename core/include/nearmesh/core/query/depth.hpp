@@ -60,13 +60,14 @@ struct Depth {
 };
 
 /// In: `answer`, which query() gave for these trees and poses, and its contacts; with pairs, else
-/// all but at_most_m stays as it is made. Deterministic. Threads: views may be shared.
-/// Errors: those of pose_pair; kInvalidArgument for a direction that is 0 or not finite. Cost:
-/// max_tests in all, and one query of 4,096 tests more for each direction that finds them spent. Of
-/// a direction: a query for each pair of faces that the search goes along from below, so two or
-/// three where faces are larger than the depth; then one for each fourfold of the way, until B is
-/// free; then one for each halving of the bracket, to a 256th of the way or one cell. None lists
-/// more than 128 pairs.
+/// all but at_most_m stays as it is made.
+/// Deterministic. Threads: views may be shared.
+/// Errors: those of pose_pair; kInvalidArgument for a direction that is 0 or not finite.
+/// Cost: max_tests in all, and one query of 4,096 tests more for each direction that finds them
+/// spent. Of a direction: a query for each pair of faces that the search goes along from below, so
+/// two or three where faces are larger than the depth; then one for each fourfold of the way, until
+/// B is free; then one for each halving of the bracket, to a 256th of the way or one cell. None
+/// lists more than 128 pairs.
 [[nodiscard]] Result<Depth> find_depth(const TreeView& a, const Pose& pose_a,
                                        std::string_view name_a, const TreeView& b,
                                        const Pose& pose_b, std::string_view name_b,
@@ -74,8 +75,8 @@ struct Depth {
                                        const DepthOptions& options = {});
 
 /// The same of two models at hand: splits what is missing, until nothing is or max_tests were
-/// spent. Errors: also those of certify(). Cost: find_depth() for each round; a round splits at
-/// least one node.
+/// spent. Errors: also those of certify().
+/// Cost: find_depth() for each round; a round splits at least one node.
 [[nodiscard]] Result<Depth> certify_depth(LocalModel& a, const Pose& pose_a,
                                           const Require& require_a, LocalModel& b,
                                           const Pose& pose_b, const Require& require_b,

@@ -106,14 +106,17 @@ struct ProbeNeeds {
 };
 
 /// Each of these answers a batch of probes in the world against a body in a pose. Preconditions
-/// (asserted): as many answers as probes. Errors: kInvalidArgument naming the probe by its place,
-/// or as check_pose; kUnsupported as make_posed_frame. Deterministic. Threads: views may be shared.
-/// Cost of a ray: O(log faces) near it, some 0.3 us on held terrain.
+/// (asserted): as many answers as probes.
+/// Errors: kInvalidArgument naming the probe by its place, or as check_pose; kUnsupported as
+/// make_posed_frame.
+/// Deterministic. Threads: views may be shared. Cost of a ray: O(log faces) near it, some 0.3 us on
+/// held terrain.
 [[nodiscard]] Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose,
                                        std::span<const RayProbe> rays,
                                        std::span<RayAnswer> answers);
 /// Is each of the points, in the world, in the solid? Errors: also kInvalidArgument where the
-/// surface is open (check_solid). Cost: a few us a point within the body's box.
+/// surface is open (check_solid).
+/// Cost: a few us a point within the body's box.
 [[nodiscard]] Result<ProbeNeeds> probe(const TreeView& solid, const Pose& pose,
                                        std::span<const std::array<double, 3>> points_m,
                                        std::span<PointAnswer> answers);

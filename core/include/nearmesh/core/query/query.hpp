@@ -180,9 +180,11 @@ struct Answer {
 /// "free" also says that nothing is inside: free, contained or uncertain follow from where the
 /// seeds lie. A model without seeds (more parts than kMaxComponentSeeds) can hold others, but
 /// itself be proved outside a solid only where the boxes of the whole bodies are apart; else the
-/// answer stays uncertain with nothing missing. Preconditions (asserted): a solid's tree carries
-/// the facts of a closed surface, the other one's tree its facts. Deterministic: the answer depends
-/// on faces, front and poses only, unless it is exhausted. Threads: views may be shared.
+/// answer stays uncertain with nothing missing.
+/// Preconditions (asserted): a solid's tree carries the facts of a closed surface, the other one's
+/// tree its facts.
+/// Deterministic: the answer depends on faces, front and poses only, unless it is exhausted.
+/// Threads: views may be shared.
 [[nodiscard]] Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                            const PosedFrame& frame_b, const QueryOptions& options = {});
 

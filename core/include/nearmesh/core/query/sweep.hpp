@@ -53,9 +53,11 @@ struct SweptAnswer {
 /// (query() at pose_at of any double in [0, duration]) and for the true rigid motion of the models
 /// on their grids. A translation that both share costs nothing. Swapped bodies: the same hit_s;
 /// free_until_s may differ by what the finest step leaves open. Bodies of which neither moves:
-/// query()'s answer. Errors: kInvalidArgument or kUnsupported, naming the body, as check_motion and
-/// make_posed_frame say for any instant on the way, or for a turn beyond kMaxTurnRad;
-/// kInvalidArgument for a duration out of range. Deterministic. Threads: views may be shared.
+/// query()'s answer.
+/// Errors: kInvalidArgument or kUnsupported, naming the body, as check_motion and make_posed_frame
+/// say for any instant on the way, or for a turn beyond kMaxTurnRad; kInvalidArgument for a
+/// duration out of range.
+/// Deterministic. Threads: views may be shared.
 [[nodiscard]] Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a,
                                         std::string_view name_a, const TreeView& b,
                                         const Motion& motion_b, std::string_view name_b,

@@ -97,8 +97,8 @@ class RecordingWriter {
   [[nodiscard]] Result<std::uint32_t> add_topic(const RecordedTopic& topic);
   [[nodiscard]] Result<std::uint32_t> add_writer(const RecordedWriter& writer);
   /// `key`: under what readers find the message without reading the others (RecordedKey::name);
-  /// empty: under nothing. Out: the message's id, counted up from 1. Commits what waits when it is
-  /// due.
+  /// empty: under nothing.
+  /// Out: the message's id, counted up from 1. Commits what waits when it is due.
   [[nodiscard]] Result<std::int64_t> append(const RecordedMessage& message,
                                             const std::string& key = {});
   [[nodiscard]] Status add_gap(const RecordingGap& gap);
@@ -152,7 +152,8 @@ class RecordingReader {
   /// Ids of the messages of a key, by index into the keys, ascending. Cost: of what it gives.
   [[nodiscard]] Result<std::vector<std::int64_t>> ids_of(std::uint32_t key);
   /// Id of the first message that was received at this time or later; message_count() + 1 where
-  /// there is none. Cost: O(log messages).
+  /// there is none.
+  /// Cost: O(log messages).
   [[nodiscard]] Result<std::int64_t> find(std::int64_t received_ns);
 
  private:

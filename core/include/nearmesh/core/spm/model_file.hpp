@@ -68,24 +68,26 @@ class ModelFile {
   [[nodiscard]] const SplitStore& store() const;
 
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15
-  /// us). Errors: kCorrupt naming the block, also where it holds no such node or the file has
-  /// changed; kIo. Threads: one at a time.
+  /// us).
+  /// Errors: kCorrupt naming the block, also where it holds no such node or the file has changed;
+  /// kIo. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
   /// The block that holds the split of `node`, as it is stored, with what shows that it is of this
   /// content: what answers an audit, in pieces, without seals. Of a span that is no node the
   /// smallest block around it, which shows that: one of its splits cuts the span in two. Cost: the
-  /// block; the first time a digest for each seven blocks. Errors: kInvalidArgument where the span
-  /// is within none of the model's roots; kCorrupt where the file has changed; kIo; kUnsupported
-  /// where the block is larger than an audit may be.
+  /// block; the first time a digest for each seven blocks.
+  /// Errors: kInvalidArgument where the span is within none of the model's roots; kCorrupt where
+  /// the file has changed; kIo; kUnsupported where the block is larger than an audit may be.
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> prove(NodeSpan node);
   /// Decodes everything. Errors: those of require(). Cost: O(model), some 6 M splits/s.
   [[nodiscard]] Status require_all();
-  /// Checks every digest without decoding. Errors: kCorrupt naming the place, kIo. Cost: the file
-  /// is read once.
+  /// Checks every digest without decoding.
+  /// Errors: kCorrupt naming the place, kIo. Cost: the file is read once.
   [[nodiscard]] Status verify() const;
   /// Checks and decodes everything, that each node's box encloses every face that has a corner in
   /// it, and that the header says the truth of the surface: what every certified answer about the
-  /// model rests on. Cost: O(model). Errors: kCorrupt naming the node, or what was counted.
+  /// model rests on. Cost: O(model).
+  /// Errors: kCorrupt naming the node, or what was counted.
   [[nodiscard]] Status check_deep();
 
   /// Reads the table of input face numbers; decodes everything. Errors: kCorrupt.

@@ -37,8 +37,8 @@ struct WorldShapeAnswer {
 class WorldProbe {
  public:
   /// Holds at most `most_tiles` open, with the detail that was read of them, the least recently
-  /// used going first; and pages. Errors: kNotFound (no world's record is there), kIo, kCorrupt,
-  /// kUnsupported, naming the file.
+  /// used going first; and pages.
+  /// Errors: kNotFound (no world's record is there), kIo, kCorrupt, kUnsupported, naming the file.
   [[nodiscard]] static Result<WorldProbe> open(const std::string& folder,
                                                std::size_t most_tiles = 64);
   WorldProbe(WorldProbe&&) noexcept;
@@ -46,10 +46,11 @@ class WorldProbe {
   ~WorldProbe();
 
   /// Answers a batch, of the world in a place. Rays are cut to the world's box. Preconditions
-  /// (asserted): as many answers as probes. Errors: as probe() of a body; kIo, kCorrupt, kConflict,
-  /// naming a file. Some answers may have been written then. After a std::bad_alloc it may be asked
-  /// again. Deterministic: what was probed before changes nothing. Cost: a ray some us and what its
-  /// tiles take to open and read. Threads: one at a time.
+  /// (asserted): as many answers as probes.
+  /// Errors: as probe() of a body; kIo, kCorrupt, kConflict, naming a file. Some answers may have
+  /// been written then. After a std::bad_alloc it may be asked again.
+  /// Deterministic: what was probed before changes nothing. Cost: a ray some us and what its tiles
+  /// take to open and read. Threads: one at a time.
   [[nodiscard]] Status probe(const Pose& pose, std::span<const RayProbe> rays,
                              std::span<WorldRayAnswer> answers);
   [[nodiscard]] Status probe(const Pose& pose, std::span<const BallProbe> balls,

@@ -52,7 +52,8 @@ struct PoseCounts {
 };
 
 /// A peer's way to the bus. Make it, hand it to a Session, and forget it; take() and the rest are
-/// the session's. Threads: all functions, any thread.
+/// the session's.
+/// Threads: all functions, any thread.
 class DdsChannel final : public Channel {
  public:
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.

@@ -15,9 +15,10 @@ namespace nearmesh::subscriber {
 
 /// What a session says goes out through these functions, what it hears comes out of take().
 /// Messages that a channel hands over must pass wire::check(); times in them are seconds on the
-/// exercise's clock. Threads: a session calls one at a time, from the thread of its own caller. No
-/// function may block or throw anything but std::bad_alloc: what it throws comes out of the
-/// session's call, and is that session's end (Session::update).
+/// exercise's clock.
+/// Threads: a session calls one at a time, from the thread of its own caller. No function may block
+/// or throw anything but std::bad_alloc: what it throws comes out of the session's call, and is
+/// that session's end (Session::update).
 class Channel {
  public:
   virtual ~Channel() = default;

@@ -24,16 +24,17 @@ namespace nearmesh::subscriber {
 /// A request that is sent in one update is answered in full in the next, so a host's test is: add
 /// the models, make a Session, update until it is certified; the same numbers of updates on every
 /// machine, since no clock is involved. Memory: what the requests touch of the files. Cost: of an
-/// answer as in demand/collect.hpp, in the caller's send(). Threads: one at a time, the Session's;
-/// models of two channels do not share anything.
+/// answer as in demand/collect.hpp, in the caller's send().
+/// Threads: one at a time, the Session's; models of two channels do not share anything.
 class LocalChannel final : public Channel {
  public:
   LocalChannel();
   ~LocalChannel() override;
 
   /// Serves a model under a name, from the next take() on; also later, as a publisher may come that
-  /// late. Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the
-  /// same content is served).
+  /// late.
+  /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same
+  /// content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
 
   /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and

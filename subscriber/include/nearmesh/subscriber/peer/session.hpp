@@ -127,8 +127,8 @@ struct SessionOptions {
   bool publish_reports = true;
 };
 /// Whether all numbers are in their ranges: certified answers rest on some of them. Of a session
-/// with others every update() fails. Errors: kInvalidArgument naming the option, what it is and
-/// what is expected.
+/// with others every update() fails.
+/// Errors: kInvalidArgument naming the option, what it is and what is expected.
 [[nodiscard]] Status check(const SessionOptions& options);
 
 /// The latest certified answer about a pair, and what it still says. Its pairs are not kept.
@@ -310,7 +310,8 @@ struct ProbeReport {
 /// exception leaves (std::bad_alloc, or what a channel of the host's throws) has changed nothing
 /// either, or the session is half-way: then each call that gives a status gives kConflict, so that
 /// nothing is certified any more, held_state() is 0, no cache is written, and the session is to be
-/// ended. Threads: one at a time, for all functions. None calls DDS or waits for the network;
+/// ended.
+/// Threads: one at a time, for all functions. None calls DDS or waits for the network;
 /// write_cache() and the destructor write files.
 class Session {
  public:
@@ -367,7 +368,8 @@ class Session {
   /// nothing is known: it stays, and none of its pairs is certified.
   void discover_bodies();
   /// Lists the answer about two bodies in every update, near or not, whatever their groups. (a, b)
-  /// and (b, a) are one pair. Errors: kNotFound, kInvalidArgument (the same body).
+  /// and (b, a) are one pair.
+  /// Errors: kNotFound, kInvalidArgument (the same body).
   [[nodiscard]] Status watch(BodyId a, BodyId b);
   /// Takes watch() back; watch_all() stays. Errors: kNotFound.
   [[nodiscard]] Status unwatch(BodyId a, BodyId b);
@@ -394,10 +396,11 @@ class Session {
   /// as it says. Where it is before the last one, a complaint says so. A body that is farther than
   /// its max_speed_mps allows from where others were promised it stays is refused: a jump is a body
   /// that is removed, and another, or one whose pose was forgotten until the promises have ended.
-  /// So are motions of some links of a robot, without the others'. Errors: kNotFound or
-  /// kInvalidArgument naming the body, kInvalidArgument for such a time, a budget below 0, and the
-  /// options that check() refuses; nothing was changed then. kConflict where the session is
-  /// half-way, see above. Threads: one at a time. Never blocks.
+  /// So are motions of some links of a robot, without the others'.
+  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time, a
+  /// budget below 0, and the options that check() refuses; nothing was changed then. kConflict
+  /// where the session is half-way, see above.
+  /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
 
@@ -428,8 +431,8 @@ class Session {
   /// Probes are neither published nor reported. Of a body that is a world what is missing may be
   /// pages and tiles, too; a face has its name in its tile's model. Points in it have no answer.
   /// In: as many answers as probes. Errors: kNotFound; kInvalidArgument naming the probe, or for
-  /// points in a body whose model is open. Cost: probe()'s; nothing is allocated for certified
-  /// answers but for a batch.
+  /// points in a body whose model is open.
+  /// Cost: probe()'s; nothing is allocated for certified answers but for a batch.
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const RayProbe> rays,
                                           std::span<RayAnswer> answers);
   [[nodiscard]] Result<ProbeReport> probe(BodyId body,

@@ -73,7 +73,8 @@ class ActiveMesh {
   /// False, with nothing changed, when the store lacks one of them. Cost: O(splits done).
   [[nodiscard]] bool split(VertexId u, RefineDelta& delta);
   /// Local Edge Collapse: makes `node` whole again. Appends to `delta`; nothing happens when it is
-  /// whole or coarser. Cost: O(size / 64).
+  /// whole or coarser.
+  /// Cost: O(size / 64).
   void collapse(NodeSpan node, RefineDelta& delta);
 
   /// Takes a half-space of an unresolved node of the current front; it is gone when the node is

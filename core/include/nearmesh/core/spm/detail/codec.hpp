@@ -59,9 +59,9 @@ inline constexpr std::size_t kBatchFramingBytes = 144;
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
     std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {});
 
-/// Decodes one batch. Needs the header alone: no state of the peer enters. Errors: kCorrupt with
-/// the record and field where bytes contradict the header; nothing is allocated beyond what the
-/// bytes can hold. Cost: about 110 ns a split.
+/// Decodes one batch. Needs the header alone: no state of the peer enters.
+/// Errors: kCorrupt with the record and field where bytes contradict the header; nothing is
+/// allocated beyond what the bytes can hold. Cost: about 110 ns a split.
 [[nodiscard]] Result<SplitBatch> decode_batch(const SpmHeader& header,
                                               std::span<const std::uint8_t> bytes);
 

@@ -75,8 +75,9 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 [[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
 
 /// Whether a body with a model of this surface may be taken as solid: only a closed surface has an
-/// inside. Errors: kInvalidArgument naming the body, with the counts of edges at which the surface
-/// does not close.
+/// inside.
+/// Errors: kInvalidArgument naming the body, with the counts of edges at which the surface does not
+/// close.
 [[nodiscard]] Status check_solid(const SurfaceFacts& surface, std::string_view body);
 
 }  // namespace nearmesh

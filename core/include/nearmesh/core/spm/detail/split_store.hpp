@@ -75,7 +75,8 @@ class SplitStore {
   /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the
   /// same node, another position or face, a position outside the grid, a forest deeper than
   /// kMaxForestDepth, a vertex or a face outside a box that must enclose it, a box that reaches
-  /// farther than those above it); nothing is changed then. Cost: O(faces).
+  /// farther than those above it); nothing is changed then.
+  /// Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces,
                                          const GridBox& outside = {});

@@ -177,7 +177,8 @@ struct RegionRequest {
   [[nodiscard]] bool is_audit() const { return max_splits == 0; }
 };
 /// The rules for a request from outside that need no model: whoever receives one asks here first
-/// (core/demand has the rest). Errors: kInvalidArgument naming the limit, the node or the part.
+/// (core/demand has the rest).
+/// Errors: kInvalidArgument naming the limit, the node or the part.
 [[nodiscard]] Status check_request(const RegionRequest& request);
 
 /// One record of a batch: the split of `node` that activates `split`.
