@@ -7,6 +7,7 @@
 
 #include "half_spaces.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
+#include "rounds.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::test {
@@ -24,7 +25,9 @@ inline auto model_pairs() {
 
 class ModelPair : public ::testing::TestWithParam<ModelNames> {
  protected:
-  BakedModel a_ = bake_named(GetParam().first), b_ = bake_named(GetParam().second);
+  /// What touches grows with the square of the faces, and sanitizers take ten times as long.
+  static constexpr std::uint32_t kPart = kSanitized ? 3 : 1;
+  BakedModel a_ = bake_named(GetParam().first, kPart), b_ = bake_named(GetParam().second, kPart);
 
   test::TrueHalfSpaces half_spaces_a_{a_.store}, half_spaces_b_{b_.store};
 

@@ -20,7 +20,6 @@
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
 #include "random_rotation.hpp"
-#include "rounds.hpp"
 #include "soup.hpp"
 
 namespace nearmesh::test {
@@ -93,21 +92,21 @@ inline IndexedMesh make_book(std::uint32_t pages) {
 inline std::vector<std::string> mesh_names() {
   return {"terrain", "aircraft", "sphere", "soup", "components", "degenerate", "book", "one_face"};
 }
-/// Under sanitizers those that touch everywhere have a third of their faces: what touches grows
-/// with their square.
-inline IndexedMesh make_mesh(const std::string& name) {
-  constexpr std::uint32_t kPart = kSanitized ? 3 : 1;
+/// Those that touch everywhere have the `part`th part of their faces.
+inline IndexedMesh make_mesh(const std::string& name, std::uint32_t part = 1) {
   if (name == "terrain") return generate_terrain(24, 7);
   if (name == "aircraft") return generate_aircraft(1000, 7);
   if (name == "sphere") return generate_sphere(24, 0);
-  if (name == "soup") return make_soup(300, 1200 / kPart, 7);
-  if (name == "components") return make_components(100 / kPart, 7);
+  if (name == "soup") return make_soup(300, 1200 / part, 7);
+  if (name == "components") return make_components(100 / part, 7);
   if (name == "degenerate") return make_degenerate(7);
-  if (name == "book") return make_book(400 / kPart);
+  if (name == "book") return make_book(400 / part);
   return IndexedMesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}};
 }
 /// Small bases, so that most of even a small mesh is progressive.
-inline BakedModel bake_named(const std::string& name) { return bake_mesh(make_mesh(name), 16); }
+inline BakedModel bake_named(const std::string& name, std::uint32_t part = 1) {
+  return bake_mesh(make_mesh(name, part), 16);
+}
 
 // ---- files --------------------------------------------------------------------------------------
 

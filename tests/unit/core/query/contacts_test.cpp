@@ -324,7 +324,7 @@ TEST_P(ContactPair, ApproximateOnesAreFlaggedJustWhereAFaceIsNotExact) {
       EXPECT_EQ(patch.uncertainty_m > 0, approximate);
     }
   }
-  EXPECT_GT(exact + coarse, test::kSanitized ? 5U : 20U);  // of fewer faces
+  EXPECT_GT(exact + coarse, 20U / (kPart * kPart));
 }
 
 TEST_P(ContactPair, OfATruncatedAnswerSaySo) {
