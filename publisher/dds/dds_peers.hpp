@@ -12,7 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoint_names.hpp"
+#include "idl/dds/endpoints.hpp"
+#include "idl/dds/writer_books.hpp"
 #include "publisher/serve/channel.hpp"
 
 namespace nearmesh::publisher {

@@ -20,7 +20,9 @@
 #include "dds_headers.hpp"
 #include "dds_hellos.hpp"
 #include "dds_poses.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/dds/routes.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 

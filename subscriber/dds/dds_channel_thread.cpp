@@ -8,6 +8,7 @@
 #include "core/base/float_guard.hpp"
 #include "dds_channel_impl.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "or_no_memory.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -26,7 +27,7 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
   const FloatGuard guard;
   // A participant of the host's is the host's to repair.
   std::unique_ptr<wire::RejoinWatch> rejoin_watch;
-  const Status opened = wire::or_no_memory([&] {
+  const Status opened = or_no_memory([&] {
     if (options_.participant == nullptr)
       rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
     return open();

@@ -5,7 +5,9 @@
 #include <sstream>
 #include <utility>
 
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/dds/room.hpp"
 
 namespace nearmesh::subscriber {

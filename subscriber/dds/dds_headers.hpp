@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/base/stopwatch.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/listeners.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 
 namespace nearmesh::subscriber {

@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "core/base/stopwatch.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/listeners.hpp"
+#include "idl/dds/writer_books.hpp"
 
 namespace nearmesh::subscriber {
 

@@ -9,8 +9,12 @@
 
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoint_names.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/dds/room.hpp"
+#include "idl/dds/writer_books.hpp"
 #include "idl/messages/contents.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"

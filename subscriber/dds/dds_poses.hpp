@@ -21,7 +21,7 @@
 
 #include "core/base/lru_map.hpp"
 #include "idl/dds/body_book.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/listeners.hpp"
 #include "idl/dds/routes.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 

@@ -13,10 +13,14 @@
 #include <tuple>
 #include <utility>
 
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoint_names.hpp"
+#include "idl/dds/listeners.hpp"
 #include "idl/dds/rejoin_watch.hpp"
 #include "idl/dds/room.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
+#include "or_no_memory.hpp"
 #include "recorder_books.hpp"
 
 namespace nearmesh::subscriber {
@@ -233,7 +237,7 @@ Status DdsRecorder::Impl::finish() {
 
 void DdsRecorder::Impl::listen(std::promise<Status> started) {
   std::optional<wire::RejoinWatch> rejoin_watch;
-  const Status joined = wire::or_no_memory([&] {
+  const Status joined = or_no_memory([&] {
     rejoin_watch.emplace(mailbox_, options_.transport);
     return join();
   });
@@ -479,7 +483,7 @@ void DdsRecorder::Impl::write() {
         waiting_.pop_front();
       }
     }
-    status = wire::or_no_memory([this] {
+    status = or_no_memory([this] {
       for (const Entry& entry : taken_) {
         NEARMESH_RETURN_IF_ERROR(write(entry));
         if (finished_) break;
@@ -490,7 +494,7 @@ void DdsRecorder::Impl::write() {
     stats_.file_bytes = file_->bytes();
     if (finished_) break;
   }
-  const Status closed = wire::or_no_memory([this] { return file_->close(); });
+  const Status closed = or_no_memory([this] { return file_->close(); });
   const std::lock_guard lock(mutex_);
   stats_.file_bytes = file_->bytes();
   stats_.status = status.is_ok() ? closed : status;

@@ -16,6 +16,7 @@
 
 #include "core/base/float_guard.hpp"
 #include "idl/dds/room.hpp"
+#include "or_no_memory.hpp"
 #include "ros2_endpoints.hpp"
 
 namespace nearmesh::subscriber {
@@ -120,7 +121,7 @@ class Ros2Bridge::Impl {
     const FloatGuard guard;
     Ros2Endpoints endpoints(mailbox_);
     endpoints_ = &endpoints;
-    const Status opened = wire::or_no_memory([this] { return open(); });
+    const Status opened = or_no_memory([this] { return open(); });
     const bool works = opened.is_ok();
     started.set_value(opened);
     while (works && !stopping_) {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "idl/dds/dds_support.hpp"
 #include "idl/dds/door_watch.hpp"
+#include "idl/dds/listeners.hpp"
 
 namespace nearmesh::subscriber {
 

@@ -14,7 +14,10 @@
 #include <vector>
 
 #include "facts.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoint_names.hpp"
+#include "idl/dds/endpoints.hpp"
 
 namespace nearmesh::sites {
 

@@ -22,7 +22,9 @@
 #include <vector>
 
 #include "core/base/digest.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "inbox.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"

@@ -21,8 +21,9 @@
 #include <string>
 #include <thread>
 
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
 #include "idl/dds/door_watch.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "idl/dds/fastdds_api.hpp"
 #include "idl/dds/rtps_check.hpp"

@@ -15,7 +15,8 @@
 #include <thread>
 #include <utility>
 
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "idl/messages/process_name.hpp"
 #include "process.hpp"
 

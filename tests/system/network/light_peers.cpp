@@ -16,7 +16,9 @@
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "trajectory.hpp"
 

@@ -17,7 +17,9 @@
 #include "core/base/stopwatch.hpp"
 #include "dice.hpp"
 #include "held_whole.hpp"
-#include "idl/dds/dds_support.hpp"
+#include "idl/dds/bus.hpp"
+#include "idl/dds/dds_time.hpp"
+#include "idl/dds/endpoints.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Of dds_support.hpp: who is who, what was said last, who is silent.
+#include "writer_books.hpp"
+
 #include <algorithm>
 #include <utility>
-
-#include "dds_support.hpp"
 
 namespace nearmesh::wire {
 
