@@ -80,6 +80,18 @@ class Database {
       return failure("prepare");
     return Statement(statement);
   }
+  /// Visits all rows of a query: Status visit(const Statement&). Out: the first that is not ok.
+  template <class Visit>
+  [[nodiscard]] Status each(const std::string& sql, Visit visit) {
+    Result<Statement> rows = prepare(sql);
+    NEARMESH_RETURN_IF_ERROR(rows);
+    for (;;) {
+      const int code = rows.value().step();
+      if (code == SQLITE_DONE) return Status::ok();
+      if (code != SQLITE_ROW) return failure("read");
+      NEARMESH_RETURN_IF_ERROR(visit(rows.value()));
+    }
+  }
   /// The last error: kCorrupt where the bytes are to blame, else kIo.
   [[nodiscard]] Status failure(const std::string& what) const {
     const int code = handle_ == nullptr ? SQLITE_NOMEM : sqlite3_errcode(handle_.get());

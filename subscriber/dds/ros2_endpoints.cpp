@@ -5,6 +5,8 @@
 #include <utility>
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
 
 #include "idl/dds/dds_transport.hpp"
 #include "idl/messages/process_name.hpp"
