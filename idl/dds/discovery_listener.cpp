@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "endpoint_names.hpp"
+#include "idl/messages/process_name.hpp"
 #include "qos.hpp"
 
 namespace nearmesh::wire {

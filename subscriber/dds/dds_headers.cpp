@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/base/hash.hpp"
+#include "idl/dds/endpoint_names.hpp"
 
 namespace nearmesh::subscriber {
 

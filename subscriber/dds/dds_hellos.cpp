@@ -3,6 +3,9 @@
 
 #include <utility>
 
+#include "idl/dds/endpoint_names.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+
 namespace nearmesh::subscriber {
 
 using wire::Handle;

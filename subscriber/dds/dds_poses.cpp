@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "idl/dds/endpoint_names.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+
 namespace nearmesh::subscriber {
 namespace {
 

@@ -11,6 +11,8 @@
 
 #include "idl/dds/door_watch.hpp"
 #include "idl/dds/listeners.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber {
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include "idl/dds/mailbox.hpp"
 #include "idl/dds/writer_books.hpp"
 
 namespace nearmesh::wire {
