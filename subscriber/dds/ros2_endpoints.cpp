@@ -8,7 +8,10 @@
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 
+#include "idl/dds/bus.hpp"
 #include "idl/dds/dds_transport.hpp"
+#include "idl/dds/endpoint_names.hpp"
+#include "idl/dds/qos.hpp"
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/idl/dds/door.hpp"
 
