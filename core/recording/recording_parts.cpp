@@ -162,11 +162,10 @@ Status check_end(const RecordingFacts& facts, const std::string& first, std::uin
   return Status::ok();
 }
 
-/// Adds parts 1, 2, ... of the recording whose part 0 is `first`. Errors: one cannot be read, or one is
+/// Adds parts 1, 2, ... of the recording whose part 0 is `first`. Errors: one cannot be read, or is
 /// missing.
 Status add_further_parts(const std::string& first, OpenedRecording& recording) {
-  // Before a part is looked for: a recorder at work begins none before the one before it is
-  // there.
+  // Before a part is looked for: a recorder at work begins none before the one before it is there.
   const Result<std::vector<std::uint32_t>> numbers = further_numbers(first);
   NEARMESH_RETURN_IF_ERROR(numbers);
   for (std::uint32_t part = 1;; ++part) {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "nearmesh/idl/messages/topics.hpp"
+
 namespace nearmesh::subscriber {
 namespace {
 
