@@ -169,7 +169,8 @@ Status add_further_parts(const std::string& first, OpenedRecording& recording) {
   const Result<std::vector<std::uint32_t>> numbers = further_numbers(first);
   NEARMESH_RETURN_IF_ERROR(numbers);
   for (std::uint32_t part = 1;; ++part) {
-    Result<Candidate> next = look_at(part_path(first, part));
+    const std::string path = part_path(first, part);
+    Result<Candidate> next = look_at(path);
     if (!next.is_ok())
       return {next.status().code(), next.status().message() + "; by its name it is part " +
                                         std::to_string(part) + " of " + first +
@@ -177,7 +178,7 @@ Status add_further_parts(const std::string& first, OpenedRecording& recording) {
     if (!is_of(recording.facts, next.value(), part) || next.value().facts.part != part)
       return check_end(recording.facts, first, part, next.value(), numbers.value());
     NEARMESH_RETURN_IF_ERROR(next.value().version);
-    recording.parts.push_back({std::move(*next.value().database), part_path(first, part)});
+    recording.parts.push_back({std::move(*next.value().database), path});
   }
 }
 

@@ -22,7 +22,6 @@ namespace nearmesh::wire {
 
 namespace {
 
-constexpr std::uint32_t kMaxDomain = 232;
 constexpr std::uint32_t kMostPerPeer = 120;  ///< ports of a domain, two each
 constexpr int kMostSessions = 256;           ///< on one participant of a host's
 

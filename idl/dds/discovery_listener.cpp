@@ -55,31 +55,17 @@ void DiscoveryListener::participant_found(const FoundParticipant& found) {
   mailbox_.meet(participant_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
 }
 
-void DiscoveryListener::writer_found(const FoundEndpoint& found) {
-  note(found);
-  if (on_writer_) tell(on_writer_, found);
+void DiscoveryListener::take(const FoundEndpoint& found, const Tell& tell, bool is_writer) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (participant_of(found.endpoint) != own_) has_found_others_ = true;
+  }
+  if (tell && (found.is_new || found.is_gone))
+    tell({found.endpoint, found.topic, found.partitions.empty() ? "" : found.partitions.front(),
+          found.is_gone});
   if (!found.is_new) return;
   judge(found);
-  judge_qos(found, true);
-}
-
-void DiscoveryListener::reader_found(const FoundEndpoint& found) {
-  note(found);
-  if (on_reader_) tell(on_reader_, found);
-  if (!found.is_new) return;
-  judge(found);
-  judge_qos(found, false);
-}
-
-void DiscoveryListener::note(const FoundEndpoint& found) {
-  const std::lock_guard lock(mutex_);
-  if (participant_of(found.endpoint) != own_) has_found_others_ = true;
-}
-
-void DiscoveryListener::tell(const Tell& use, const FoundEndpoint& found) {
-  if (found.is_new || found.is_gone)
-    use({found.endpoint, found.topic, found.partitions.empty() ? "" : found.partitions.front(),
-         found.is_gone});
+  judge_qos(found, is_writer);
 }
 
 void DiscoveryListener::judge(const FoundEndpoint& found) {

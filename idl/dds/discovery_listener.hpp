@@ -30,15 +30,14 @@ class DiscoveryListener : public FindingListener {
   [[nodiscard]] static bool judges(fdds::QosPolicyId_t id);
 
   void participant_found(const FoundParticipant& found) override;
-  void writer_found(const FoundEndpoint& found) override;
-  void reader_found(const FoundEndpoint& found) override;
+  void writer_found(const FoundEndpoint& found) override { take(found, on_writer_, true); }
+  void reader_found(const FoundEndpoint& found) override { take(found, on_reader_, false); }
 
  private:
   static constexpr std::size_t kMaxKnown = 256;
   using Tell = std::function<void(const BusOptions::Found&)>;
 
-  void note(const FoundEndpoint& found);
-  static void tell(const Tell& use, const FoundEndpoint& found);
+  void take(const FoundEndpoint& found, const Tell& tell, bool is_writer);
   void judge(const FoundEndpoint& found);
   /// A writer must offer at least what readers request; ours all offer and request what their topic
   /// has.

@@ -99,6 +99,8 @@ inline constexpr int kToldRelease = 0;
 using Handle = rtps::InstanceHandle_t;
 using Payload = rtps::SerializedPayload_t;
 
+inline constexpr std::uint32_t kMaxDomain = 232;  ///< beyond it ports are none
+
 // --- Return codes
 
 [[nodiscard]] inline std::uint32_t number_of(const ReturnCode& code) {
@@ -126,14 +128,13 @@ using Payload = rtps::SerializedPayload_t;
 /// lists them for each participant.
 inline void list_addresses_again() {
 #if NEARMESH_FASTDDS == 3
-  constexpr fdds::DomainId_t kLastDomain = 232;
   fdds::DomainParticipantQos qos;
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList.push_back("127.0.0.1");
   qos.transport().user_transports.push_back(udp);
   auto* const factory = fdds::DomainParticipantFactory::get_instance();
-  fdds::DomainParticipant* const participant = factory->create_participant(kLastDomain, qos);
+  fdds::DomainParticipant* const participant = factory->create_participant(kMaxDomain, qos);
   if (participant == nullptr) return;  // as will be said by whoever joins
   static_cast<void>(participant->set_qos(participant->get_qos()));
   static_cast<void>(factory->delete_participant(participant));

@@ -85,9 +85,7 @@ class SilenceWatch {
 /// What to say of such a writer, behind its name.
 inline constexpr const char* kSilentHint =
     " was found and matched, but nothing comes from it: its data does not get through. On one "
-    "machine with shared "
-    "memory, perhaps of another user: use --transport lan on both sides. Between machines: let UDP "
-    "ports from 7400 + "
-    "250 x domain on pass the firewall";
+    "machine with shared memory, perhaps of another user: use --transport lan on both sides. "
+    "Between machines: let UDP ports from 7400 + 250 x domain on pass the firewall";
 
 }  // namespace nearmesh::wire

@@ -20,7 +20,6 @@ namespace {
 
 using wire::fdds::DomainParticipantFactory;
 
-constexpr std::uint32_t kMaxDomain = 232;
 /// ROS 2's own programs send datagrams of that size, and Fast DDS reads none that are larger than
 /// what it sends.
 constexpr std::uint32_t kDatagramBytes = 65500;
@@ -78,7 +77,7 @@ Status Ros2Endpoints::join(const wire::TransportOptions& wanted) {
   if (!transport.security.empty())
     return {StatusCode::kUnsupported,
             "ros2: what goes to ROS 2 goes out in the clear; expected no security"};
-  if (transport.domain > kMaxDomain)
+  if (transport.domain > wire::kMaxDomain)
     return {StatusCode::kInvalidArgument,
             "ros2 domain: expected at most 232, found " + std::to_string(transport.domain)};
   heartbeat_s_ = transport.heartbeat_s;
