@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "clearance.hpp"
 #include "contacts_in_time.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/vec3.hpp"
@@ -66,9 +67,6 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
                     error_at_frame_m(a) + error_at_frame_m(b));
 }
 
-/// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
-constexpr std::uint64_t kFreeTests = 65'536;
-
 /// Where a point that went with the body is now. What came from another mover is a rotation but for
 /// 1e-5, so it is undone by its inverse: the transposed matrix would leave the point off by as much
 /// of its distance from the origin.
@@ -113,7 +111,8 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
                       .max_tests = options.max_tests,
                       .is_over = options.is_over,
                       .solid_a = a.solid,
-                      .solid_b = b.solid});
+                      .solid_b = b.solid,
+                      .was_free = options.was_free});
   const Answer& now = all.answer;
   const bool wants_contacts = (options.contacts || options.depth) && !now.pairs.empty();
   all.is_cut_short = (now.exhausted && tests_of(now.stats) < options.max_tests) ||

@@ -36,6 +36,7 @@ struct AnswerOptions {
   /// Time for all of it. Where it says so before the end, nothing is answered: a part that depends
   /// on when it ended would be none.
   const IsOver* is_over = nullptr;
+  bool was_free = false;  ///< as in QueryOptions
 };
 
 struct Answered {

@@ -13,6 +13,7 @@
 #include "clearance_left.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/nearest_points.hpp"
+#include "gaps_below.hpp"
 
 namespace nearmesh {
 namespace {
@@ -22,6 +23,14 @@ using Kind = TreeEntry::Kind;
 /// Of the sizes of two boxes: what the walk's floats may lose of a gap along one axis or slab
 /// (box_kernels.hpp: 2^-16 of both), where of a gap along three axes together one has 0.57.
 constexpr double kLostOfSize = 0x1p-15;
+
+/// Parts of which the search finds that they are so far apart are apart for the walk, too: along
+/// three axes one has 0.57 of it, and no part is larger than the whole.
+double clear_m(const Scene& scene) {
+  return 4 * kLostOfSize *
+         (size_of(scene.a.root().box) * scene.cell_a_m +
+          size_of(scene.b.root().box) * scene.cell_b_m);
+}
 
 /// One tree's nodes as the other body sees them, the latest few of them: a search comes back to the
 /// same ones.
@@ -48,10 +57,11 @@ class PlacedNodes {
   std::array<PlacedLanes, kHeld> placed_;
 };
 
-/// Two parts, and how far they are apart at least.
-struct Gap {
-  double gap, by_larger;
-  TreePlace a, b;
+constexpr double kFar = std::numeric_limits<double>::infinity();
+
+/// Two parts, and how far they are apart.
+struct Gap : PartsGap {
+  TreePlace a = 0, b = 0;
 };
 
 /// By growing gap, nearly: gaps alike to a sixteenth go in the order of their coming, which follows
@@ -59,11 +69,15 @@ struct Gap {
 /// which of two is looked at first may change the bound.) A heap took a fifth of a search's time.
 class GapQueue {
  public:
-  [[nodiscard]] bool is_empty() const { return held_words_ == 0; }
+  GapQueue() { gaps_.reserve(kUsual); }
+  /// The least that is held is no less, but for what rounding to a float takes; infinite: none is.
+  [[nodiscard]] double floor() const {
+    return held_words_ == 0 ? kFar : std::bit_cast<float>(least_step() << kShift);
+  }
   void push(const Gap& gap) {
     // A float's exponent and four bits more are as many as there are steps; no gap is negative.
     const std::uint32_t step =
-        std::bit_cast<std::uint32_t>(static_cast<float>(gap.gap)) >> 19 & (kSteps - 1);
+        std::bit_cast<std::uint32_t>(static_cast<float>(gap.gap)) >> kShift & (kSteps - 1);
     const auto place = static_cast<std::uint32_t>(gaps_.size());
     gaps_.push_back({gap, kNone});
     std::uint64_t& word = held_[step / 64];
@@ -75,17 +89,26 @@ class GapQueue {
   }
   /// Precondition: there is one.
   [[nodiscard]] Gap pop() {
-    const auto at = static_cast<std::uint32_t>(std::countr_zero(held_words_));
-    const std::uint32_t step = 64 * at + static_cast<std::uint32_t>(std::countr_zero(held_[at]));
-    const Held& least = gaps_[first_[step]];
+    const std::uint32_t step = least_step(), at = step / 64;
+    Held& least = gaps_[first_[step]];
     first_[step] = least.next;
     if (least.next == kNone) held_[at] &= held_[at] - 1;
     if (held_[at] == 0) held_words_ &= held_words_ - 1;
-    return least.gap;
+    return std::exchange(least.gap, {{kFar, kFar}});
+  }
+  /// `use(gap)` of all that are held, in any order; of some others one that is infinite.
+  template <class Use>
+  void for_each(const Use& use) const {
+    for (const Held& held : gaps_) use(held.gap);
   }
 
  private:
-  static constexpr std::uint32_t kSteps = 4096, kNone = 0xffffffffU;
+  static constexpr std::uint32_t kShift = 19, kSteps = 1U << (31 - kShift), kNone = 0xffffffffU;
+  static constexpr std::size_t kUsual = 256;
+  [[nodiscard]] std::uint32_t least_step() const {
+    const auto at = static_cast<std::uint32_t>(std::countr_zero(held_words_));
+    return 64 * at + static_cast<std::uint32_t>(std::countr_zero(held_[at]));
+  }
   struct Held {
     Gap gap;
     std::uint32_t next;  // of its step
@@ -107,7 +130,7 @@ class GapQueue {
 /// Boxes that look past each other hide a part of their gap. So the way between the nearest faces
 /// known serves as an axis, too: faces are held along it before they are held against each other.
 /// Of parts an exact search asks it as well; a bound does not, since who keeps it relies on gaps
-/// that the walk finds again (still_free).
+/// that the walk finds again (is_clear, still_free).
 ///
 /// Beside each gap goes what axes and slabs of the larger body alone say of it, less what the
 /// walk's floats may lose of that; where no unresolved node is in either part, all of it, for exact
@@ -119,6 +142,7 @@ class NearestSearch {
       : s_(scene),
         stats_(stats),
         is_exact_(sought == Clearance::kExact),
+        clear_m_(clear_m(scene)),
         share_(is_exact_ ? 1 : kClearanceShare),
         max_steps_(is_exact_ ? 65'536 : 256),
         is_a_larger_(is_first_larger(reach_m(*scene.a.grid, scene.a.root().box),
@@ -126,27 +150,32 @@ class NearestSearch {
         placed_a_(scene.a, scene.a_in_b()),
         placed_b_(scene.b, scene.b_in_a) {}
 
-  DistanceBounds run() {
-    for (std::optional<Gap> next = Gap{0, 0, 0, 0}; next;) {
+  /// `only_if_clear`: nothing once two ends are found that may not be.
+  std::optional<DistanceBounds> run(bool only_if_clear) {
+    for (std::optional<Gap> next = Gap(); next;) {
       nearest_below_.reset();
       is_diving_ = true;
       visit(*next);
       next = nearest_below_;
     }
     is_diving_ = false;
-    for (int step = 0; !queue_.is_empty();) {
+    if (only_if_clear && found_ <= clear_m_) return std::nullopt;
+    for (int step = 0; step < max_steps_ && is_of_use(queue_.floor());) {
       const Gap top = queue_.pop();
-      if (step < max_steps_ && is_of_use(top.gap)) {
+      if (is_of_use(top.gap)) {
         ++step;
         visit(top);
+        if (only_if_clear && found_ <= clear_m_) return std::nullopt;
       } else {
         leave_out(top.gap, top.by_larger);
       }
     }
+    queue_.for_each([this](const Gap& left) { leave_out(left.gap, left.by_larger); });
     const double bound = std::min(found_, least_left_);
     return with_points({.at_least_m = bound,
                         .share = found_ == bound ? 1 : bound / found_,
-                        .by_larger_m = by_larger_});
+                        .by_larger_m = by_larger_,
+                        .is_clear = !is_exact_ && bound > clear_m_});
   }
 
  private:
@@ -183,19 +212,17 @@ class NearestSearch {
     double along_way_m[kLanes] = {};
     if (is_exact_ && way)
       find_gaps_along(other_in_own, *way, others, other.lane, own.boxes, along_way_m);
-    const auto& by_larger_m = is_own_larger ? gaps.on_own_m : gaps.on_other_m;
     stats_.box_tests += kLanes;
-    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
-      if ((own.lanes >> lane & 1U) == 0) continue;
+    GapsBelow below;
+    const std::uint32_t of_use =
+        find_gaps_below(own,
+                        {top, kLostOfSize * (other.size() * other_cell_m), kLostOfSize * own_cell_m,
+                         other.is_coarse(), is_own_larger},
+                        gaps, along_way_m, share_ * found_, below);
+    for (std::uint32_t lanes = own.lanes; lanes != 0; lanes &= lanes - 1) {
+      const auto lane = static_cast<std::uint32_t>(std::countr_zero(lanes));
       const auto [place_a, place_b] = pair_of(lane);
-      const double lost_m =
-          kLostOfSize * (own.size[lane] * own_cell_m + other.size() * other_cell_m);
-      // What holds above holds below.
-      Gap offered{
-          std::max({top.gap, gaps.on_own_m[lane], gaps.on_other_m[lane], along_way_m[lane]}),
-          std::max(top.by_larger, by_larger_m[lane] - lost_m), place_a, place_b};
-      // Of exact faces any axis tells it.
-      if (!own.is_coarse(lane) && !other.is_coarse()) offered.by_larger = offered.gap;
+      Gap offered{{below.gap[lane], below.by_larger[lane]}, place_a, place_b};
       if (is_diving_ && (!nearest_below_ || offered.gap < nearest_below_->gap)) {
         if (!nearest_below_) {
           nearest_below_ = offered;
@@ -203,7 +230,7 @@ class NearestSearch {
         }
         std::swap(*nearest_below_, offered);
       }
-      if (is_of_use(offered.gap)) {
+      if ((of_use >> lane & 1U) != 0) {
         queue_.push(offered);
       } else {
         leave_out(offered.gap, offered.by_larger);
@@ -319,6 +346,7 @@ class NearestSearch {
   const Scene& s_;
   QueryStats& stats_;
   const bool is_exact_;
+  const double clear_m_;
   const double share_;  // of the least distance found: a bound of so much is enough
   const int max_steps_;
   const bool is_a_larger_;
@@ -326,7 +354,6 @@ class NearestSearch {
   GapQueue queue_;
   bool is_diving_ = false;
   std::optional<Gap> nearest_below_;  // of what the dive has just opened
-  static constexpr double kFar = std::numeric_limits<double>::infinity();
   double found_ = kFar, least_left_ = kFar, by_larger_ = kFar;
   // The nearest that are known to be there, by what was found of them on the way.
   double nearest_m_ = kFar;
@@ -335,13 +362,22 @@ class NearestSearch {
   std::optional<ApartWay> way_to_b_, way_to_a_;  // between these, in a's units and in b's
 };
 
+constexpr DistanceBounds kNowhere{
+    .at_least_m = kFar, .share = 1, .by_larger_m = kFar, .is_clear = true};
+[[nodiscard]] bool is_empty(const Scene& scene) {
+  return scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0;
+}
+
 }  // namespace
 
 DistanceBounds find_distance(const Scene& scene, Clearance sought, QueryStats& stats) {
-  constexpr double kNowhere = std::numeric_limits<double>::infinity();
-  if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
-    return {.at_least_m = kNowhere, .share = 1, .by_larger_m = kNowhere};
-  return NearestSearch(scene, sought, stats).run();
+  if (is_empty(scene)) return kNowhere;
+  return *NearestSearch(scene, sought, stats).run(false);
+}
+
+std::optional<DistanceBounds> find_bound_if_clear(const Scene& scene, QueryStats& stats) {
+  if (is_empty(scene)) return kNowhere;
+  return NearestSearch(scene, Clearance::kBound, stats).run(true);
 }
 
 }  // namespace nearmesh

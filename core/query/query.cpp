@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <unordered_set>
 
 #include "clearance.hpp"
@@ -24,7 +25,10 @@ class Query {
   Query(const Scene& scene, const QueryOptions& options) : s_(scene), options_(options) {}
 
   Answer run() {
-    look(options_.any ? Seeks::kAnyPair : Seeks::kPairs);
+    if (options_.was_free && options_.clearance == Clearance::kBound &&
+        options_.max_tests >= kFreeTests)
+      distance_ = find_bound_if_clear(s_, answer_.stats);
+    if (!distance_ || !distance_->is_clear) look(options_.any ? Seeks::kAnyPair : Seeks::kPairs);
     finish();
     return std::move(answer_);
   }
@@ -163,7 +167,8 @@ class Query {
   void bound_distance() {
     if (touches()) answer_.distance_at_most_m = 0;
     if (touches() || answer_.exhausted || options_.clearance == Clearance::kNone) return;
-    const DistanceBounds bounds = find_distance(s_, options_.clearance, answer_.stats);
+    const DistanceBounds bounds =
+        distance_ ? *distance_ : find_distance(s_, options_.clearance, answer_.stats);
     answer_.distance_at_most_m = bounds.at_most_m;
     answer_.nearest_a_m = bounds.nearest_a_m;
     answer_.nearest_b_m = bounds.nearest_b_m;
@@ -229,6 +234,7 @@ class Query {
   const Scene& s_;
   const QueryOptions options_;
   std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
+  std::optional<DistanceBounds> distance_;                   // where it was sought first
   std::uint64_t dropped_pairs_ = 0;                          // that max_pairs leaves out
   Answer answer_;
 };

@@ -71,15 +71,14 @@ HeldNodes held_nodes(const ActiveMesh& mesh) {
       const NodeSpan node = stack.back();
       stack.pop_back();
       if (node.size < 2) continue;
-      const BoxCode box = store.box_code(node);
       const VertexId split = store.split_of(node);
       const bool is_split = split.is_valid() && mesh.is_active(split);
       bits.put(is_split);
-      if (!is_split) held.box_digest = mix(held.box_digest ^ word_of(box));
+      if (!is_split) held.box_digest = mix(held.box_digest ^ word_of(store.box_code(node)));
       const bool whole = is_split && is_whole(mesh, node);
       if (is_split) bits.put(whole);
       if (whole) continue;
-      bits.put(box != kNoBox);
+      bits.put(store.has_box(node));
       if (!is_split && tells_half_spaces) {
         for (const HalfSpace& half_space : mesh.half_spaces().of(node.first)) {
           bits.put(true);

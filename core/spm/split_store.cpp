@@ -108,6 +108,7 @@ SplitStore::SplitStore(const SpmHeader& header)
     entry.parent = root.node.begin();
     entry.position = root.position;
     entry.box = packed(root.box) & kBoxMask;
+    whole_box_.add(box(root.node));
   }
 }
 

@@ -51,12 +51,14 @@ class Search {
   /// Of most entries it is enough to know that others are nearer. An entry's box may be less than
   /// its code says.
   [[nodiscard]] bool is_farther(const WorldEntry& entry, double apart_m) const {
-    double gap = 0;
+    const auto is = [&](double gap) { return gap * extent_.metres_per_unit > apart_m; };
     for (std::size_t k = 0; k < 3; ++k) {
-      const double lo = entry.place[k], hi = lo + static_cast<double>(box_extent(entry.extent[k]));
-      gap = std::max({gap, lo - extent_.hi[k], extent_.lo[k] - hi});
+      const double lo = entry.place[k];
+      if (is(lo - extent_.hi[k]) ||
+          is(extent_.lo[k] - (lo + static_cast<double>(box_extent(entry.extent[k])))))
+        return true;
     }
-    return gap * extent_.metres_per_unit > apart_m;
+    return false;
   }
 
   MetPages met_;
@@ -114,12 +116,6 @@ double growth(const GridBox& box, const GridBox& larger) {
 }
 
 }  // namespace
-
-GridBox whole_box(const SplitStore& store) {
-  GridBox box;
-  for (const BaseRoot& root : store.roots()) box.add(store.box(root.node));
-  return box;
-}
 
 Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
                                       const PageOf& page_of, const RelativeFrame& body_in_world,

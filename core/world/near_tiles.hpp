@@ -53,12 +53,9 @@ struct TilesAround {
   double rest_m = 0;  ///< all else is so far from the body, at least
 };
 
-/// The box of all faces of a model, as its header tells it: the same whatever is held.
-[[nodiscard]] GridBox whole_box(const SplitStore& store);
-
 /// As find_near_tiles(), of the body's box grown by so many cells of its grid on each side: what
 /// must not be met is listed early, and all else is farther. The same on whoever holds the same
-/// pages. In: whole_box(); body_in_world maps the body's grid into world_grid.
+/// pages. In: SplitStore::whole_box(); body_in_world maps the body's grid into world_grid.
 [[nodiscard]] Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
                                                     const PageOf& page_of,
                                                     const RelativeFrame& body_in_world,

@@ -368,7 +368,8 @@ AnswerOptions Session::Impl::answer_options_of(const Pair& pair) const {
           .depth = options.depth && !pair.is_of_tile,
           .sweep_s = options.sweep_s,
           .max_sweep_tests = options.max_sweep_tests,
-          .max_depth_tests = options.max_depth_tests};
+          .max_depth_tests = options.max_depth_tests,
+          .was_free = pair.certified && pair.certified->said.pair_total == 0};
 }
 
 /// Precondition: it is ready.

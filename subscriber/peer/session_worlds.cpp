@@ -134,7 +134,7 @@ struct Approach {
     const Grid grid = world_grid(world.model->world->record());
     const int lattice = lattice_exponent(grid, other.grid());
     add(grid, world.model->world->box(), *world.motion, age_world_s, lattice);
-    add(other.grid(), whole_box(other.model->replica->store()), *other.motion, age_other_s,
+    add(other.grid(), other.model->replica->store().whole_box(), *other.motion, age_other_s,
         lattice);
   }
   /// So far apart they cannot meet for so long.
@@ -203,7 +203,7 @@ Result<TilesAround> Session::Impl::tiles_around(PeerWorld& tiles, const Body& wo
                 other.motion->pose, other.name);
   NEARMESH_RETURN_IF_ERROR(posed);
   return tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b),
-                            whole_box(other.model->replica->store()), reach_cells, time_s);
+                            other.model->replica->store().whole_box(), reach_cells, time_s);
 }
 
 /// Pages near that the next epoch's world has instead: when it begins they are here.

@@ -296,7 +296,7 @@ RecordedPeer::Reach RecordedPeer::find_tiles(const wire::ContactReport& report,
   if (!posed.is_ok() || root->level != record->root_level) return Reach::kThere;
   Result<TilesAround> around = find_tiles_around(
       *record, *root, page_of, make_relative_frame(posed.value().a, posed.value().b),
-      whole_box(body.store()), told.reach_cells);
+      body.store().whole_box(), told.reach_cells);
   if (lacks_page) return Reach::kNotYet;
   if (!around.is_ok()) return Reach::kThere;
   world_.around = std::move(around).value();

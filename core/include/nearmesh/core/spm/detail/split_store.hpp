@@ -147,6 +147,10 @@ class SplitStore {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
+  /// Whether it has one of its own.
+  [[nodiscard]] bool has_box(NodeSpan node) const { return packed_box(node) != 0; }
+  /// Of all roots: the model is in it, whatever is known of it.
+  [[nodiscard]] const GridBox& whole_box() const { return whole_box_; }
   [[nodiscard]] const SurfaceFacts& surface() const { return surface_; }
   /// Greatest coordinate of the model's grid.
   [[nodiscard]] std::int32_t grid_max() const { return grid_max_; }
@@ -221,6 +225,7 @@ class SplitStore {
   NodeSpan bounded_;  // of the last bounds_of(): a node and its own box
   GridBox bounds_;
   std::vector<BaseRoot> roots_;
+  GridBox whole_box_;
   std::vector<SplitFace> base_faces_;
   SurfaceFacts surface_;
 };
