@@ -41,15 +41,24 @@ template <class T>
   raise({StatusCode::kInvalidArgument, why});
 }
 
+/// A whole number as an argument of a function of Python's: an int, or what stands for one
+/// (operator.index). What may have a fraction, as numpy.float32 and Decimal, is refused: pybind11
+/// would cut the fraction off.
+template <class T>
+struct Whole {
+  T value = 0;
+  operator T() const { return value; }  // NOLINT(google-explicit-constructor): it stands for it
+};
+
 /// What Python gave as `name`. Raises where it is none of that type, or a number out of its range.
-/// A number that may have a fraction, as numpy.float32 and Decimal, is no whole one: pybind11 would
-/// cut the fraction off.
 template <class T>
 [[nodiscard]] T given_as(const py::handle& given, const std::string& name) {
   try {
-    if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>)
-      if (PyIndex_Check(given.ptr()) == 0) throw py::cast_error();
-    return py::cast<T>(given);
+    if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>) {
+      return py::cast<Whole<T>>(given);
+    } else {
+      return py::cast<T>(given);
+    }
   } catch (const py::cast_error&) {
     refuse(name + ": found " + std::string(py::repr(given)) + ", of a wrong type or out of range");
   }
@@ -129,3 +138,19 @@ void add_sessions(py::module_& module);
 void add_recordings(py::module_& module);
 
 }  // namespace nearmesh::python
+
+template <class T>
+struct pybind11::detail::type_caster<nearmesh::python::Whole<T>> {
+  PYBIND11_TYPE_CASTER(nearmesh::python::Whole<T>, const_name("int"));
+
+  bool load(handle given, bool) {
+    if (PyIndex_Check(given.ptr()) == 0) return false;
+    make_caster<T> number;
+    if (!number.load(reinterpret_steal<object>(PyNumber_Index(given.ptr())), false)) {
+      PyErr_Clear();
+      return false;
+    }
+    value.value = cast_op<T>(number);
+    return true;
+  }
+};

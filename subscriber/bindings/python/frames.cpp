@@ -83,14 +83,7 @@ SweptRow swept_of(const PairAnswer& pair) {
           pair.swept->free_until_s, pair.swept->hit_s};
 }
 
-/// Numbers of bodies.
-std::vector<std::uint32_t> numbers_of(const std::vector<BodyId>& bodies) {
-  std::vector<std::uint32_t> numbers;
-  for (const BodyId body : bodies) numbers.push_back(body.value);
-  return numbers;
-}
-
-void need_row(const FrameReport& report, std::size_t row) {
+void need_row(const FrameReport& report, Whole<std::size_t> row) {
   if (row >= report.answers.size())
     throw py::index_error("row " + std::to_string(row) + ", expected one of the " +
                           std::to_string(report.answers.size()) + " rows of answers, from 0");
@@ -149,7 +142,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
           "Of each row of answers: why it is not certified; empty where it is.")
       .def(
           "contacts",
-          [](const FrameReport& report, std::size_t row) -> py::object {
+          [](const FrameReport& report, Whole<std::size_t> row) -> py::object {
             need_row(report, row);
             const auto& contacts = report.answers[row].contacts;
             return contacts ? contacts_object(*contacts) : py::none();
@@ -159,14 +152,14 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
           "session's option contacts.")
       .def(
           "contact_ids",
-          [](const FrameReport& report, std::size_t row) {
+          [](const FrameReport& report, Whole<std::size_t> row) {
             need_row(report, row);
             return rows_of(report.answers[row].contact_ids);
           },
           py::arg("row"), "Of each patch of contacts(row): a number that lasts with the contact.")
       .def(
           "depth",
-          [](const FrameReport& report, std::size_t row) -> py::object {
+          [](const FrameReport& report, Whole<std::size_t> row) -> py::object {
             need_row(report, row);
             const auto& depth = report.answers[row].depth;
             return depth ? py::cast(*depth) : py::none();
@@ -176,7 +169,7 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
           "without the session's option depth.")
       .def(
           "world",
-          [](const FrameReport& report, std::size_t row) -> py::object {
+          [](const FrameReport& report, Whole<std::size_t> row) -> py::object {
             need_row(report, row);
             const auto& world = report.answers[row].world;
             if (!world) return py::none();
@@ -200,12 +193,8 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
           },
           "With sweep_s, of each row of answers, for the time ahead: status (255: not asked), "
           "free_until_s, hit_s (infinite: none was found), exhausted. A structured array.")
-      .def_property_readonly(
-          "came", [](const FrameReport& report) { return numbers_of(report.came); },
-          "With discover_bodies(): bodies that came.")
-      .def_property_readonly(
-          "went", [](const FrameReport& report) { return numbers_of(report.went); },
-          "With discover_bodies(): bodies that went.")
+      .def_readonly("came", &FrameReport::came, "With discover_bodies(): bodies that came.")
+      .def_readonly("went", &FrameReport::went, "With discover_bodies(): bodies that went.")
       .def_readonly("promised", &FrameReport::promised,
                     "Bodies of which no full pose is here, and a promise holds.")
       .def_property_readonly(
@@ -221,8 +210,8 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
           "where it begins or persists). One for each contact that there is or was until now.")
       .def(
           "find",
-          [](const FrameReport& report, std::uint32_t a, std::uint32_t b) -> py::object {
-            const PairAnswer* pair = report.find(BodyId{a}, BodyId{b});
+          [](const FrameReport& report, BodyId a, BodyId b) -> py::object {
+            const PairAnswer* pair = report.find(a, b);
             if (pair == nullptr) return py::none();
             return py::cast(pair - report.answers.data());
           },
@@ -235,9 +224,8 @@ last_clearance_m and last_safe_s tell of its last certified answer. docs/answers
       .def_property_readonly(
           "unknown",
           [](const FrameReport& report) {
-            std::vector<std::pair<std::uint32_t, std::string>> unknown;
-            for (const auto& body : report.unknown)
-              unknown.emplace_back(body.body.value, body.reason);
+            std::vector<std::pair<BodyId, std::string>> unknown;
+            for (const auto& body : report.unknown) unknown.emplace_back(body.body, body.reason);
             return unknown;
           },
           "With watch_all() or watch_own(): bodies of which nothing can be said, and why. None of "

@@ -149,7 +149,7 @@ std::unique_ptr<Peer> local_session(const std::map<std::string, std::string>& mo
   return peer;
 }
 
-std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& interface,
+std::unique_ptr<Peer> dds_session(Whole<std::uint32_t> domain, const std::string& interface,
                                   const std::string& name, const std::string& prefix,
                                   const std::string& transport, const std::string& security,
                                   const std::vector<std::string>& initial_peers,

@@ -65,7 +65,8 @@ IndexedMesh mesh_of(const Doubles& vertices, const Indices& faces) {
 }
 
 std::shared_ptr<Model> bake_arrays(const Doubles& vertices, const py::object& faces,
-                                   const std::string& path, int grid_bits, unsigned threads) {
+                                   const std::string& path, Whole<int> grid_bits,
+                                   Whole<unsigned> threads) {
   const IndexedMesh mesh = mesh_of(vertices, indices_of(faces));
   if (grid_bits < kMinGridBits || grid_bits > kMaxGridBits)
     refuse("grid_bits: expected " + std::to_string(kMinGridBits) + " to " +
@@ -200,7 +201,8 @@ class Pair {
   }
 
   py::object depth(const Doubles& pose_a, const Doubles& pose_b,
-                   const std::vector<std::array<double, 3>>& directions, std::uint64_t max_tests) {
+                   const std::vector<std::array<double, 3>>& directions,
+                   Whole<std::uint64_t> max_tests) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     std::optional<Depth> depth;
     read([&]() -> Status {

@@ -62,21 +62,19 @@ auto unlocked(Peer& peer, const Work& work) {
 }
 
 /// Of a body: a pose, or a pose with velocities.
-[[nodiscard]] Motion motion_of(const py::handle& given, std::uint32_t body);
+[[nodiscard]] Motion motion_of(const py::handle& given, subscriber::BodyId body);
 /// The number of a body, as a key.
-[[nodiscard]] std::uint32_t body_of(const py::handle& given);
+[[nodiscard]] subscriber::BodyId body_of(const py::handle& given);
 
 /// Session.local and Session.dds, with their options by keyword.
 [[nodiscard]] std::unique_ptr<Peer> local_session(const std::map<std::string, std::string>& models,
                                                   const std::map<std::string, std::string>& worlds,
                                                   const py::kwargs& given);
-[[nodiscard]] std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& interface,
-                                                const std::string& name, const std::string& prefix,
-                                                const std::string& transport,
-                                                const std::string& security,
-                                                const std::vector<std::string>& initial_peers,
-                                                const std::string& discovery_server,
-                                                const py::kwargs& given);
+[[nodiscard]] std::unique_ptr<Peer> dds_session(
+    Whole<std::uint32_t> domain, const std::string& interface, const std::string& name,
+    const std::string& prefix, const std::string& transport, const std::string& security,
+    const std::vector<std::string>& initial_peers, const std::string& discovery_server,
+    const py::kwargs& given);
 
 /// The class FrameReport.
 void add_frame(py::module_& module);
@@ -84,3 +82,19 @@ void add_frame(py::module_& module);
 void add_probes(py::class_<Peer> peer_class);
 
 }  // namespace nearmesh::python
+
+/// A body is a number in Python.
+template <>
+struct pybind11::detail::type_caster<nearmesh::subscriber::BodyId> {
+  PYBIND11_TYPE_CASTER(nearmesh::subscriber::BodyId, const_name("int"));
+
+  bool load(handle given, bool convert) {
+    make_caster<nearmesh::python::Whole<std::uint32_t>> number;
+    if (!number.load(given, convert)) return false;
+    value.value = cast_op<nearmesh::python::Whole<std::uint32_t>>(number);
+    return true;
+  }
+  static handle cast(nearmesh::subscriber::BodyId body, return_value_policy, handle) {
+    return PyLong_FromUnsignedLong(body.value);
+  }
+};

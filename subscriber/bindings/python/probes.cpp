@@ -95,7 +95,7 @@ WorldShapeRow row_of(const WorldShapeAnswer& answer) {
 
 /// A world that several of Python's threads may share: one of them probes at a time.
 struct World {
-  World(const std::string& folder, std::size_t most_tiles)
+  World(const std::string& folder, Whole<std::size_t> most_tiles)
       : probe(need(WorldProbe::open(folder, most_tiles))) {}
   WorldProbe probe;
   std::mutex mutex;
@@ -198,10 +198,10 @@ auto of_world(World& world, const Doubles& pose, const std::vector<Probe>& probe
 }
 
 template <class Answer, class Probe>
-py::tuple of_body(Peer& peer, std::uint32_t body, const std::vector<Probe>& probes) {
+py::tuple of_body(Peer& peer, BodyId body, const std::vector<Probe>& probes) {
   std::vector<Answer> answers(probes.size());
   const ProbeReport report = need(unlocked(peer, [&](Session& session) {
-    return session.probe(BodyId{body}, std::span<const Probe>(probes), std::span<Answer>(answers));
+    return session.probe(body, std::span<const Probe>(probes), std::span<Answer>(answers));
   }));
   return py::make_tuple(rows(answers), report.reason.empty() ? report.awaited : report.reason);
 }
@@ -223,7 +223,7 @@ void add_world(py::module_& module) {
 
 At most most_tiles are held open, the least recently used going first. Answers are certified. There are no probes of points,
 since tiles are not closed: a ray down tells whether a point is below a ground.)")
-      .def(py::init<const std::string&, std::size_t>(), py::arg("folder"), py::kw_only(),
+      .def(py::init<const std::string&, Whole<std::size_t>>(), py::arg("folder"), py::kw_only(),
            py::arg("most_tiles") = 64)
       .def(
           "probe_rays",
@@ -304,7 +304,7 @@ void add_probes(py::class_<Peer> peer_class) {
   peer_class
       .def(
           "probe_rays",
-          [](Peer& peer, std::uint32_t body, const Doubles& origins, const Doubles& directions,
+          [](Peer& peer, BodyId body, const Doubles& origins, const Doubles& directions,
              const Doubles& range_m) {
             return of_body<RayAnswer>(peer, body, rays_of(origins, directions, range_m));
           },
@@ -316,20 +316,20 @@ Rows as of Model.probe_rays, some perhaps UNCERTAIN: then `why` says what is mis
 meets nothing before at_least_m.)")
       .def(
           "probe_points",
-          [](Peer& peer, std::uint32_t body, const Doubles& points) {
+          [](Peer& peer, BodyId body, const Doubles& points) {
             return of_body<PointAnswer>(peer, body, points_of(points, "points"));
           },
           py::arg("body"), py::arg("points"), "(rows, why), as Model.probe_points.")
       .def(
           "probe_balls",
-          [](Peer& peer, std::uint32_t body, const Doubles& centers, const Doubles& radii) {
+          [](Peer& peer, BodyId body, const Doubles& centers, const Doubles& radii) {
             return of_body<ShapeAnswer>(peer, body, balls_of(centers, radii));
           },
           py::arg("body"), py::arg("centers"), py::arg("radii"),
           "(rows, why), as Model.probe_balls.")
       .def(
           "probe_boxes",
-          [](Peer& peer, std::uint32_t body, const Doubles& poses, const Doubles& half_m) {
+          [](Peer& peer, BodyId body, const Doubles& poses, const Doubles& half_m) {
             return of_body<ShapeAnswer>(peer, body, boxes_of(poses, half_m));
           },
           py::arg("body"), py::arg("poses"), py::arg("half_m"),
@@ -339,12 +339,12 @@ meets nothing before at_least_m.)")
           [](Peer& peer, const py::dict& heard) {
             std::vector<Session::HeardPose> poses;
             for (const auto& [body, given] : heard) {
-              const std::uint32_t id = body_of(body);
+              const BodyId id = body_of(body);
+              const std::string number = std::to_string(id.value);
               const auto pair = py::cast<py::tuple>(given);
               if (pair.size() != 2)
-                refuse("body " + std::to_string(id) + ": expected (time_s, pose or Motion)");
-              poses.push_back({BodyId{id},
-                               given_as<double>(pair[0], "time_s of body " + std::to_string(id)),
+                refuse("body " + number + ": expected (time_s, pose or Motion)");
+              poses.push_back({id, given_as<double>(pair[0], "time_s of body " + number),
                                motion_of(pair[1], id)});
             }
             need(unlocked(peer, [&](Session& session) { return session.hear(poses); }));

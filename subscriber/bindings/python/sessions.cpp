@@ -34,21 +34,21 @@ ContentHash content_of(const std::string& digits) {
 std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
   std::vector<Session::OwnMotion> motions;
   for (const auto& [body, motion] : given) {
-    const std::uint32_t id = body_of(body);
-    motions.push_back({BodyId{id}, motion_of(motion, id)});
+    const BodyId id = body_of(body);
+    motions.push_back({id, motion_of(motion, id)});
   }
   return motions;
 }
 
 }  // namespace
 
-std::uint32_t body_of(const py::handle& given) {
-  return given_as<std::uint32_t>(given, "number of a body");
+BodyId body_of(const py::handle& given) {
+  return {given_as<std::uint32_t>(given, "number of a body")};
 }
 
 /// Of a body: a pose, or a pose with velocities.
-Motion motion_of(const py::handle& given, std::uint32_t body) {
-  const std::string name = "body " + std::to_string(body);
+Motion motion_of(const py::handle& given, BodyId body) {
+  const std::string name = "body " + std::to_string(body.value);
   if (py::isinstance<Motion>(given)) return py::cast<Motion>(given);
   const auto matrix = Doubles::ensure(given);
   if (!matrix) {
@@ -109,7 +109,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
               "add_body",
               [](Peer& peer, const std::string& name, const std::string& model, bool own,
                  bool solid, const std::string& content, std::optional<double> max_pose_age_s,
-                 std::uint32_t group, std::uint32_t mask, double max_speed_mps) {
+                 Whole<std::uint32_t> group, Whole<std::uint32_t> mask, double max_speed_mps) {
                 const ContentHash pin = content_of(content);
                 return need(unlocked(peer,
                                      [&](Session& session) {
@@ -122,8 +122,7 @@ ConflictError for a name that is taken, and of every call after one that ended h
                                                                 .max_speed_mps = max_speed_mps,
                                                                 .group = group,
                                                                 .mask = mask});
-                                     }))
-                    .value;
+                                     }));
               },
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
               py::arg("solid") = false, py::arg("content") = "",
@@ -137,18 +136,16 @@ group, mask: watch_all() watches a pair where the mask of each has a bit of the 
 moves faster, so others are promised where it stays; 0: no promise.)")
           .def(
               "place_body",
-              [](Peer& peer, std::uint32_t body, const Doubles& pose) {
+              [](Peer& peer, BodyId body, const Doubles& pose) {
                 const Pose at = pose_of(pose, "pose");
                 need(unlocked(
-                    peer, [&](Session& session) { return session.place_body(BodyId{body}, at); }));
+                    peer, [&](Session& session) { return session.place_body(body, at); }));
               },
               py::arg("body"), py::arg("pose"),
               "Fixes a body in place, for scenery that nobody moves.")
           .def(
               "link_bodies",
-              [](Peer& peer, const std::vector<std::uint32_t>& bodies) {
-                std::vector<BodyId> links;
-                for (const std::uint32_t body : bodies) links.push_back(BodyId{body});
+              [](Peer& peer, const std::vector<BodyId>& links) {
                 need(unlocked(peer, [&](Session& session) { return session.link_bodies(links); }));
               },
               py::arg("bodies"),
@@ -157,36 +154,36 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               "any of them has a motion.")
           .def(
               "remove_body",
-              [](Peer& peer, std::uint32_t body) {
+              [](Peer& peer, BodyId body) {
                 need(unlocked(peer,
-                              [&](Session& session) { return session.remove_body(BodyId{body}); }));
+                              [&](Session& session) { return session.remove_body(body); }));
               },
               py::arg("body"),
               "The body is there no more, nor are its pairs. A link takes all of its robot with it.")
           .def(
               "replace_model",
-              [](Peer& peer, std::uint32_t body, const std::string& model,
+              [](Peer& peer, BodyId body, const std::string& model,
                  const std::string& content) {
                 const ContentHash pin = content_of(content);
                 need(unlocked(peer, [&](Session& session) {
-                  return session.replace_model(BodyId{body}, model, pin);
+                  return session.replace_model(body, model, pin);
                 }));
               },
               py::arg("body"), py::arg("model"), py::arg("content") = "",
               "From now on the body has another model; where it is stays.")
           .def(
               "watch",
-              [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+              [](Peer& peer, BodyId a, BodyId b) {
                 need(unlocked(
-                    peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
+                    peer, [&](Session& session) { return session.watch(a, b); }));
               },
               py::arg("a"), py::arg("b"),
               "Lists the answer about two bodies in every frame, near or not.")
           .def(
               "unwatch",
-              [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+              [](Peer& peer, BodyId a, BodyId b) {
                 need(unlocked(
-                    peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
+                    peer, [&](Session& session) { return session.unwatch(a, b); }));
               },
               py::arg("a"), py::arg("b"), "Takes watch() back.")
           .def(
@@ -206,9 +203,9 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               "went.")
           .def(
               "options_of",
-              [](Peer& peer, std::uint32_t body) {
+              [](Peer& peer, BodyId body) {
                 const subscriber::BodyOptions of = need(
-                    unlocked(peer, [&](Session& session) { return session.options_of(BodyId{body}); }));
+                    unlocked(peer, [&](Session& session) { return session.options_of(body); }));
                 using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
                 return py::dict("name"_a = of.name, "model"_a = of.model,
                                 "content"_a = of.content.is_set() ? to_hex(of.content) : "",
@@ -218,9 +215,9 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               py::arg("body"), "A body as it was declared, here or by its mover.")
           .def(
               "held_mesh",
-              [](Peer& peer, std::uint32_t body) {
+              [](Peer& peer, BodyId body) {
                 const Session::HeldMesh held = need(
-                    unlocked(peer, [&](Session& session) { return session.held_mesh(BodyId{body}); }));
+                    unlocked(peer, [&](Session& session) { return session.held_mesh(body); }));
                 return py::make_tuple(faces_of(held.exact_m), faces_of(held.coarse_m));
               },
               py::arg("body"),
@@ -228,26 +225,26 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               "frame, of the full mesh; and of those that stand for what is missing.")
           .def(
               "held_state",
-              [](Peer& peer, std::uint32_t body) {
+              [](Peer& peer, BodyId body) {
                 return unlocked(peer,
-                                [&](Session& session) { return session.held_state(BodyId{body}); });
+                                [&](Session& session) { return session.held_state(body); });
               },
               py::arg("body"),
               "The same number while held_mesh(body) is the same; 0 where there is none.")
           .def(
               "readiness",
-              [](Peer& peer, std::uint32_t body) {
+              [](Peer& peer, BodyId body) {
                 const subscriber::Readiness found = need(
-                    unlocked(peer, [&](Session& session) { return session.readiness(BodyId{body}); }));
+                    unlocked(peer, [&](Session& session) { return session.readiness(body); }));
                 return py::make_tuple(to_string(found.stage), found.reason);
               },
               py::arg("body"), "(stage, reason) as of the last update, as of wait_ready.")
           .def(
               "region_readiness",
-              [](Peer& peer, std::uint32_t body, const std::array<double, 3>& lo_m,
+              [](Peer& peer, BodyId body, const std::array<double, 3>& lo_m,
                  const std::array<double, 3>& hi_m) {
                 const subscriber::RegionReadiness found = need(unlocked(peer, [&](Session& session) {
-                  return session.region_readiness(BodyId{body}, lo_m, hi_m);
+                  return session.region_readiness(body, lo_m, hi_m);
                 }));
                 return py::make_tuple(found.resolved, found.uncertainty_m, found.reason);
               },
@@ -262,13 +259,13 @@ moves faster, so others are promised where it stays; 0: no promise.)")
               "Brings the files of cache_folder up to date, as the session's end does.")
           .def(
               "name_of",
-              [](Peer& peer, std::uint32_t body) {
-                return unlocked(peer, [&](Session& session) { return session.name_of(BodyId{body}); });
+              [](Peer& peer, BodyId body) {
+                return unlocked(peer, [&](Session& session) { return session.name_of(body); });
               },
               py::arg("body"), "Its name; empty where no such body is declared.")
           .def(
               "update",
-              [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
+              [](Peer& peer, Whole<std::uint64_t> frame, double time_s, const py::dict& motions,
                  double budget_s) {
                 const std::vector<Session::OwnMotion> own = motions_of(motions);
                 return need(unlocked(peer, [&](Session& session) {
@@ -283,11 +280,11 @@ time_s: the frame's time on the clock that the whole exercise shares. Own bodies
 seconds of wall clock, is too little, pairs take turns, who may touch soonest first; a row whose turn did not come is put_off, not asked.)")
           .def(
               "wait_ready",
-              [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,
-                 std::uint64_t frame, double time_s) {
+              [](Peer& peer, BodyId body, double timeout_s, const py::dict& motions,
+                 Whole<std::uint64_t> frame, double time_s) {
                 const std::vector<Session::OwnMotion> own = motions_of(motions);
                 subscriber::Waited waited = need(unlocked(peer, [&](Session& session) {
-                  return subscriber::wait_ready(session, BodyId{body}, timeout_s, own, frame,
+                  return subscriber::wait_ready(session, body, timeout_s, own, frame,
                                                 time_s);
                 }));
                 return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
@@ -300,8 +297,8 @@ seconds of wall clock, is too little, pairs take turns, who may touch soonest fi
 stage: "waiting", "answering" or "certified".)")
           .def(
               "motion_of",
-              [](Peer& peer, std::uint32_t body) {
-                return unlocked(peer, [&](Session& session) { return session.motion_of(BodyId{body}); });
+              [](Peer& peer, BodyId body) {
+                return unlocked(peer, [&](Session& session) { return session.motion_of(body); });
               },
               py::arg("body"), "Where a body was last known to be; None where no pose has come.")
           .def_property_readonly("heard_time_s",

@@ -372,6 +372,20 @@ def test_what_counts_something_is_whole(ball, number):
     two_balls(session)
     with pytest.raises(ValueError, match="number of a body"):
         session.update(0, 0, {number: np.eye(4)})
+    report = session.update(0, 0, {0: np.eye(4), 1: at(3)})
+    for call in (
+        lambda: session.name_of(number),
+        lambda: session.watch(0, number),
+        lambda: session.link_bodies([0, number]),
+        lambda: session.update(number, 0),
+        lambda: session.readiness(number),
+        lambda: session.probe_points(number, [[0, 0, 0]]),
+        lambda: session.add_body("c", "ball", group=number),
+        lambda: report.find(0, number),
+        lambda: report.contacts(number),
+    ):
+        with pytest.raises(TypeError):
+            call()
     session.watch(np.int32(0), np.uint64(1))
     assert session.name_of(np.int16(1)) == "b"
 
