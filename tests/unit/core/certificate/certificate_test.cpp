@@ -321,17 +321,17 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
   EXPECT_LT(bytes, 1024 * others);
   CertificateBeginner beginner = desk.beginner(desk.ask(motion_a, motion_b, 0.1F));
   std::optional<BegunCertificate> begun;
-  constexpr std::size_t kPart = 16;
+  constexpr std::size_t kNodesAtATime = 16;
   std::size_t parts = 0;
   for (; !begun; ++parts) {
     const std::size_t before = beginner.told_nodes();
-    begun = beginner.next(kPart);
-    ASSERT_LE(beginner.told_nodes(), before + kPart);
+    begun = beginner.next(kNodesAtATime);
+    ASSERT_LE(beginner.told_nodes(), before + kNodesAtATime);
   }
   const std::size_t splits =
       desk.a.mesh().split_count() + (&desk.other() == &desk.a ? 0 : desk.b.mesh().split_count());
   EXPECT_GE(beginner.told_nodes(), splits);
-  EXPECT_GT(parts, splits / kPart);
+  EXPECT_GT(parts, splits / kNodesAtATime);
   ASSERT_TRUE(begun->maker) << "it is known: " << begun->why_not;
   const std::shared_ptr<Mirror> again =
       desk.mirrors.find(kPeer, test::lent(desk.file_a), desk.a.mesh().state_hash()).mirror;
@@ -376,18 +376,18 @@ TEST(CertificateRequests, MirrorsAreMadeInParts) {
     model->state = make_mirror(test::lent(*file), model->held).value()->state();
     splits += file->header().split_count();
   }
-  constexpr std::size_t kPart = 64;
+  constexpr std::size_t kNodesAtATime = 64;
   CertificateBeginner beginner = desk.beginner(request);
   std::optional<BegunCertificate> begun;
   std::size_t parts = 0;
   for (; !begun; ++parts) {
     const std::size_t before = beginner.told_nodes();
-    begun = beginner.next(kPart);
-    ASSERT_LE(beginner.told_nodes(), before + kPart);
+    begun = beginner.next(kNodesAtATime);
+    ASSERT_LE(beginner.told_nodes(), before + kNodesAtATime);
   }
   EXPECT_TRUE(begun->maker) << begun->why_not;
   EXPECT_EQ(beginner.told_nodes(), splits);
-  EXPECT_EQ(parts, splits / kPart + 1);
+  EXPECT_EQ(parts, splits / kNodesAtATime + 1);
   EXPECT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_a), request.models[0].state).mirror,
             nullptr);
   EXPECT_NE(desk.mirrors.find(kPeer, test::lent(desk.file_b), request.models[1].state).mirror,

@@ -303,7 +303,7 @@ TEST(RtpsCheck, PlacesOfTcpBecomeThoseOfTheConnection) {
       m.u8(10).u8(0).u8(0).u8(last).end_parameter();
     };
     m.begin_announcement().lease(20);
-    for (const std::uint16_t id : {0x0031, 0x0032}) place(id);
+    for (const std::uint16_t id : std::array<std::uint16_t, 2>{0x0031, 0x0032}) place(id);
     m.finish_announcement().begin_endpoint(true, "topic", "type");
     place(0x002f);
     m.sentinel().end();
