@@ -24,9 +24,9 @@ using Kind = TreeEntry::Kind;
 /// (box_kernels.hpp: 2^-16 of both), where of a gap along three axes together one has 0.57.
 constexpr double kLostOfSize = 0x1p-15;
 
-/// Parts of which the search finds that they are so far apart are apart for the walk, too: along
-/// three axes one has 0.57 of it, and no part is larger than the whole.
-double clear_m(const Scene& scene) {
+/// Parts that the search finds so far apart are apart for the walk, too: along three axes together
+/// one has 0.57 of it, and no part is larger than the whole.
+double surely_clear_m(const Scene& scene) {
   return 4 * kLostOfSize *
          (size_of(scene.a.root().box) * scene.cell_a_m +
           size_of(scene.b.root().box) * scene.cell_b_m);
@@ -70,7 +70,7 @@ struct Gap : PartsGap {
 class GapQueue {
  public:
   GapQueue() { gaps_.reserve(kUsual); }
-  /// The least that is held is no less, but for what rounding to a float takes; infinite: none is.
+  /// What is held is no less, but for rounding to a float; infinite where nothing is.
   [[nodiscard]] double floor() const {
     return held_words_ == 0 ? kFar : std::bit_cast<float>(least_step() << kShift);
   }
@@ -96,7 +96,7 @@ class GapQueue {
     if (held_[at] == 0) held_words_ &= held_words_ - 1;
     return std::exchange(least.gap, {{kFar, kFar}});
   }
-  /// `use(gap)` of all that are held, in any order; of some others one that is infinite.
+  /// `use(gap)` of all that are held, in any order, and perhaps of infinite ones.
   template <class Use>
   void for_each(const Use& use) const {
     for (const Held& held : gaps_) use(held.gap);
@@ -142,7 +142,7 @@ class NearestSearch {
       : s_(scene),
         stats_(stats),
         is_exact_(sought == Clearance::kExact),
-        clear_m_(clear_m(scene)),
+        clear_m_(surely_clear_m(scene)),
         share_(is_exact_ ? 1 : kClearanceShare),
         max_steps_(is_exact_ ? 65'536 : 256),
         is_a_larger_(is_first_larger(reach_m(*scene.a.grid, scene.a.root().box),
@@ -150,7 +150,7 @@ class NearestSearch {
         placed_a_(scene.a, scene.a_in_b()),
         placed_b_(scene.b, scene.b_in_a) {}
 
-  /// `only_if_clear`: nothing once two ends are found that may not be.
+  /// `only_if_clear`: nothing as soon as two ends are found that are not surely clear.
   std::optional<DistanceBounds> run(bool only_if_clear) {
     for (std::optional<Gap> next = Gap(); next;) {
       nearest_below_.reset();

@@ -101,8 +101,8 @@ struct QueryOptions {
   const IsOver* is_over = nullptr;
   bool solid_a = false;  ///< a has an inside: is b in it? Only where check_solid accepts a's model
   bool solid_b = false;  ///< the same of b
-  /// It was free at poses like these. Then the clearance is sought first, and mostly shows that
-  /// nothing touches. The answer is the same, but for what it took.
+  /// It was free at poses much like these. A kBound clearance is sought first then, and mostly
+  /// shows that nothing touches. The answer is the same, but for its stats.
   bool was_free = false;
 };
 
