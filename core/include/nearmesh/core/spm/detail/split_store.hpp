@@ -124,6 +124,8 @@ class SplitStore {
 
   /// The node's own box code, or kNoBox where none came.
   [[nodiscard]] BoxCode box_code(NodeSpan node) const;
+  /// Whether one came: box_code(node) != kNoBox, for less.
+  [[nodiscard]] bool has_box(NodeSpan node) const { return packed_box(node) != 0; }
   /// A box that encloses every original face that touches a vertex of the node: its own, or the
   /// nearest ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
   [[nodiscard]] GridBox box(NodeSpan node) const;
@@ -147,8 +149,6 @@ class SplitStore {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
-  /// Whether it has one of its own.
-  [[nodiscard]] bool has_box(NodeSpan node) const { return packed_box(node) != 0; }
   /// Of all roots: the model is in it, whatever is known of it.
   [[nodiscard]] const GridBox& whole_box() const { return whole_box_; }
   [[nodiscard]] const SurfaceFacts& surface() const { return surface_; }
