@@ -342,7 +342,7 @@ void AbTree::apply_box(NodeSpan node) {
     }
     const VertexId split = store.split_of(span);
     for (const NodeSpan child : {span.left_of(split), span.right_of(split)})
-      if (store.box_code(child) == kNoBox) stack.push_back(child);
+      if (!store.has_box(child)) stack.push_back(child);
   }
 }
 

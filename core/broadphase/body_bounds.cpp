@@ -16,18 +16,6 @@ namespace {
 /// Covers the rounding of a sum of four products, and of the sums that follow.
 constexpr double kRounding = 0x1p-48;
 
-GridBox box_of_roots(const SplitStore& store) {
-  GridBox all = store.box(store.roots().front().node);
-  for (const BaseRoot& root : store.roots()) {
-    const GridBox box = store.box(root.node);
-    for (int k = 0; k < 3; ++k) {
-      all.lo[k] = std::min(all.lo[k], box.lo[k]);
-      all.hi[k] = std::max(all.hi[k], box.hi[k]);
-    }
-  }
-  return all;
-}
-
 /// A header may tell of a model so large, or so far from its origin, that sums of its places are
 /// beyond doubles. Bounds that are no numbers would meet nothing: where there are none the body may
 /// be anywhere.
@@ -43,7 +31,7 @@ void open_where_unknown(WorldBox& box) {
 }  // namespace
 
 ModelBounds::ModelBounds(const Grid& grid, const SplitStore& store)
-    : ModelBounds(grid, box_of_roots(store)) {}
+    : ModelBounds(grid, store.whole_box()) {}
 
 ModelBounds::ModelBounds(const Grid& grid, const GridBox& box)
     : grid_(grid),

@@ -42,7 +42,7 @@ class RegionFilter {
   [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
     if (node.size < 2) return std::nullopt;
     // A node without a box of its own has its parent's.
-    const bool inherits = parent.node.size > 0 && store_.box_code(node)[0] == kNoBoxCode;
+    const bool inherits = parent.node.size > 0 && !store_.has_box(node);
     const GridBox box = inherits ? parent.box : store_.box(node), reach = reach_below(box);
     Candidate candidate{node, box, static_cast<std::uint32_t>(pool_.size()), 0, false};
     for (std::uint32_t i = parent.pool_begin; i < parent.pool_end; ++i) {

@@ -18,10 +18,10 @@ namespace nearmesh::program {
 class GridCells {
  public:
   explicit GridCells(const SplitStore& store, int cells_per_axis = 8)
-      : cells_(cells_per_axis),
+      : box_(store.whole_box()),
+        cells_(cells_per_axis),
         by_cell_(static_cast<std::size_t>(cells_) * static_cast<std::size_t>(cells_) *
                  static_cast<std::size_t>(cells_)) {
-    for (const BaseRoot& root : store.roots()) box_.add(store.box(root.node));
     for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
       by_cell_[static_cast<std::size_t>(cell_of(store.position({v})))].push_back({v});
   }

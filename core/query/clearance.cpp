@@ -104,7 +104,7 @@ class GapQueue {
 
  private:
   static constexpr std::uint32_t kShift = 19, kSteps = 1U << (31 - kShift), kNone = 0xffffffffU;
-  static constexpr std::size_t kUsual = 256;
+  static constexpr std::size_t kUsual = 256;  // most searches hold no more
   [[nodiscard]] std::uint32_t least_step() const {
     const auto at = static_cast<std::uint32_t>(std::countr_zero(held_words_));
     return 64 * at + static_cast<std::uint32_t>(std::countr_zero(held_[at]));

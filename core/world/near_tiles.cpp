@@ -51,11 +51,11 @@ class Search {
   /// Of most entries it is enough to know that others are nearer. An entry's box may be less than
   /// its code says.
   [[nodiscard]] bool is_farther(const WorldEntry& entry, double apart_m) const {
-    const auto is = [&](double gap) { return gap * extent_.metres_per_unit > apart_m; };
+    const auto is_beyond = [&](double gap) { return gap * extent_.metres_per_unit > apart_m; };
     for (std::size_t k = 0; k < 3; ++k) {
       const double lo = entry.place[k];
-      if (is(lo - extent_.hi[k]) ||
-          is(extent_.lo[k] - (lo + static_cast<double>(box_extent(entry.extent[k])))))
+      if (is_beyond(lo - extent_.hi[k]) ||
+          is_beyond(extent_.lo[k] - (lo + static_cast<double>(box_extent(entry.extent[k])))))
         return true;
     }
     return false;

@@ -42,9 +42,7 @@ std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
 
 }  // namespace
 
-BodyId body_of(const py::handle& given) {
-  return {given_as<std::uint32_t>(given, "number of a body")};
-}
+BodyId body_of(const py::handle& given) { return given_as<BodyId>(given, "number of a body"); }
 
 /// Of a body: a pose, or a pose with velocities.
 Motion motion_of(const py::handle& given, BodyId body) {

@@ -119,20 +119,28 @@ void check_still(HeldPair& pair, Random& random, const AnswerOptions& options,
   }
 }
 
-TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
+/// `use(pair, i)` of pairs of models of which neither, one or both hold some detail, `count` of
+/// each two models, until one has failed.
+template <class Use>
+void for_each_held_pair(Random& random, int count, const Use& use) {
   const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft"),
                    sphere = test::bake_named("sphere"), soup = test::bake_named("soup");
-  Random random(3);
-  StillCounts counts;
   for (const auto& [one, two] : {std::pair(&terrain, &aircraft), std::pair(&aircraft, &aircraft),
                                  std::pair(&sphere, &soup), std::pair(&soup, &terrain)}) {
-    for (int i = 0; i < test::rounds(60) && !HasFatalFailure(); ++i) {
+    for (int i = 0; i < count && !testing::Test::HasFatalFailure(); ++i) {
       HeldPair pair(*one, *two);
       if (i % 3 > 0) test::refine_at_random(pair.a, random);
       if (i % 3 > 1) test::refine_at_random(pair.b, random);
-      check_still(pair, random, {}, counts);
+      use(pair, i);
     }
   }
+}
+
+TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
+  Random random(3);
+  StillCounts counts;
+  for_each_held_pair(random, test::rounds(60),
+                     [&](HeldPair& pair, int) { check_still(pair, random, {}, counts); });
   EXPECT_GT(counts.kept, test::rounds(200));
   EXPECT_GT(counts.near_limit, test::rounds(20));
   EXPECT_GT(counts.by_larger, test::rounds(20));
@@ -165,39 +173,32 @@ TEST(StillFree, OnlyWhereNodesAreUnresolvedTheLargerBodyTellsLess) {
 
 // The walk is spared where the search for the clearance shows that it would find nothing.
 TEST(WasFree, ChangesNothingOfAnAnswer) {
-  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft"),
-                   sphere = test::bake_named("sphere"), soup = test::bake_named("soup");
   Random random(7);
   int spared = 0, near = 0, found = 0;
-  for (const auto& [one, two] : {std::pair(&terrain, &aircraft), std::pair(&aircraft, &aircraft),
-                                 std::pair(&sphere, &soup), std::pair(&soup, &terrain)}) {
-    for (int i = 0; i < test::rounds(200); ++i) {
-      HeldPair pair(*one, *two);
-      if (i % 3 > 0) test::refine_at_random(pair.a, random);
-      if (i % 3 > 1) test::refine_at_random(pair.b, random);
-      test::PairOfPoses poses =
-          test::near_poses(random, *one, test::radius_m(*one), *two, test::radius_m(*two));
-      if (i % 2 == 0)
-        for (double& x : poses.b.translation_m) x *= random.between(1, 1.5);
-      const PosedPair at = pair.posed(poses.a, poses.b);
-      QueryOptions options{.clearance = i % 5 == 0 ? Clearance::kExact : Clearance::kBound};
-      const Answer before = query(pair.a.view(), at.a, pair.b.view(), at.b, options);
-      options.was_free = true;
-      const Answer after = query(pair.a.view(), at.a, pair.b.view(), at.b, options);
-      ASSERT_EQ(digest(after), digest(before));
-      ASSERT_EQ(after.pairs, before.pairs);
-      ASSERT_EQ(after.clearance_m, before.clearance_m);
-      ASSERT_EQ(after.clearance_share, before.clearance_share);
-      ASSERT_EQ(after.clearance_by_larger_m, before.clearance_by_larger_m);
-      ASSERT_EQ(after.distance_at_most_m, before.distance_at_most_m);
-      ASSERT_EQ(after.nearest_a_m, before.nearest_a_m);
-      ASSERT_EQ(after.nearest_b_m, before.nearest_b_m);
-      const bool is_spared = tests_of(after.stats) < tests_of(before.stats);
-      spared += is_spared ? 1 : 0;
-      near += is_spared && before.clearance_m < 0.05 * test::radius_m(*one) ? 1 : 0;
-      found += is_certified(before.status) && before.pair_total == 0 ? 0 : 1;
-    }
-  }
+  for_each_held_pair(random, test::rounds(200), [&](HeldPair& pair, int i) {
+    const double radius_m = test::radius_m(pair.model_a);
+    test::PairOfPoses poses = test::near_poses(random, pair.model_a, radius_m, pair.model_b,
+                                               test::radius_m(pair.model_b));
+    if (i % 2 == 0)
+      for (double& x : poses.b.translation_m) x *= random.between(1, 1.5);
+    const PosedPair at = pair.posed(poses.a, poses.b);
+    QueryOptions options{.clearance = i % 5 == 0 ? Clearance::kExact : Clearance::kBound};
+    const Answer before = query(pair.a.view(), at.a, pair.b.view(), at.b, options);
+    options.was_free = true;
+    const Answer after = query(pair.a.view(), at.a, pair.b.view(), at.b, options);
+    ASSERT_EQ(digest(after), digest(before));
+    ASSERT_EQ(after.pairs, before.pairs);
+    ASSERT_EQ(after.clearance_m, before.clearance_m);
+    ASSERT_EQ(after.clearance_share, before.clearance_share);
+    ASSERT_EQ(after.clearance_by_larger_m, before.clearance_by_larger_m);
+    ASSERT_EQ(after.distance_at_most_m, before.distance_at_most_m);
+    ASSERT_EQ(after.nearest_a_m, before.nearest_a_m);
+    ASSERT_EQ(after.nearest_b_m, before.nearest_b_m);
+    const bool is_spared = tests_of(after.stats) < tests_of(before.stats);
+    spared += is_spared ? 1 : 0;
+    near += is_spared && before.clearance_m < 0.05 * radius_m ? 1 : 0;
+    found += is_certified(before.status) && before.pair_total == 0 ? 0 : 1;
+  });
   EXPECT_GT(spared, test::rounds(150));
   EXPECT_GT(near, test::rounds(10));
   EXPECT_GT(found, test::rounds(100));
