@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/geometry/motion_bounds.hpp"
 #include "core/query/find_missing.hpp"
@@ -206,27 +207,36 @@ Status CertificateMaker::round(std::uint64_t round_tests) {
 /// Looks at some splits of one model, whether they can be spared. Goes on to the next model when
 /// all are.
 Status CertificateMaker::spare(std::uint64_t round_tests) {
+  if (at_ == 0 && !sparer_) {
+    // What is spared of one is in the way of the next: the one of which there is more goes first.
+    spare_order_.resize(mirrors_.size());
+    std::iota(spare_order_.begin(), spare_order_.end(), 0);
+    std::stable_sort(spare_order_.begin(), spare_order_.end(), [&](std::size_t x, std::size_t y) {
+      return splits_[x].size() > splits_[y].size();
+    });
+  }
+  const std::size_t model = spare_order_[at_];
   if (!sparer_) {
     std::vector<ToClear> others;
     const bool is_ahead = farthest_ == Step::kAhead;
     for (const CertificateRequest::Pair& pair : request_.pairs) {
       const double duration_s = is_ahead ? double{request_.horizon_s} : 0,
                    around_m = margin_m(pair, is_ahead);
-      if (pair.a == at_)
+      if (pair.a == model)
         others.push_back({mirrors_[pair.b].get(), {}, motion_of(pair), duration_s, around_m});
-      if (pair.b == at_)
+      if (pair.b == model)
         others.push_back({mirrors_[pair.a].get(), motion_of(pair), {}, duration_s, around_m});
     }
-    sparer_.emplace(*mirrors_[at_], splits_[at_], kept_[at_], std::move(others));
+    sparer_.emplace(*mirrors_[model], splits_[model], kept_[model], std::move(others));
   }
   for (const std::uint64_t end = tests_ + std::min(kTestsATurn, round_tests);
        !sparer_->is_done() && tests_ < std::min(end, kMaxTests);) {
     const Result<std::uint64_t> tests = sparer_->look();
-    NEARMESH_RETURN_IF_ERROR(note_read(at_, tests.status()));
+    NEARMESH_RETURN_IF_ERROR(note_read(model, tests.status()));
     tests_ += tests.value();
   }
   if (!sparer_->is_done() && tests_ < kMaxTests) return Status::ok();
-  told_of_[at_] = sparer_->apply();
+  told_of_[model] = sparer_->apply();
   sparer_.reset();
   ++at_;
   return Status::ok();

@@ -29,7 +29,7 @@ class CertificateMaker {
  public:
   /// So many splits at most are sent for one request, and those that they rest on, and so many
   /// tests made, some tenths of a second; the peer asks on.
-  static constexpr std::size_t kMaxSplits = 16'384;
+  static constexpr std::size_t kMaxSplits = 32'768;
   static constexpr std::uint64_t kMaxTests = 10'000'000;
 
   /// `mirrors`: of the request's models, in their order.
@@ -75,6 +75,7 @@ class CertificateMaker {
   Step step_ = Step::kNow, after_ = Step::kAhead;  // what follows when all that is due was sent
   Step farthest_ = Step::kNow;                     // of what is to be sent next
   bool is_spared_ = false;                         // of that it has been seen what to spare
+  std::vector<std::size_t> spare_order_;           // of models
   std::optional<SplitSparer> sparer_;
   std::optional<ContentHash> unreadable_;
   std::size_t at_ = 0;  // the pair, or the model that is sent

@@ -8,7 +8,7 @@ namespace {
 
 /// Nodes up to this size are taken face by face. Larger ones are cut into parts first: their boxes,
 /// and the faces of single vertices.
-constexpr std::uint32_t kExact = 256;
+constexpr std::uint32_t kExact = 512;
 constexpr std::size_t kParts = 48;
 
 class Hull {

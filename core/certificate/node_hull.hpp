@@ -22,7 +22,7 @@ struct NodeHull {
 };
 /// In: a node that file.store() knows (SplitStore::is_node). Errors: those of ModelFile::require().
 /// Deterministic.
-/// Cost: some microseconds a vertex up to 256 vertices, then no more.
+/// Cost: some microseconds a vertex up to 512 vertices, then no more.
 [[nodiscard]] Result<NodeHull> hull_of_node(ModelFile& file, NodeSpan node);
 /// Some of these points, for less: the node's vertices, and those of the faces of splits below it.
 [[nodiscard]] Result<NodeHull> hull_below(ModelFile& file, NodeSpan node);

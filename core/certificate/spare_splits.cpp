@@ -11,7 +11,7 @@ namespace nearmesh {
 namespace {
 
 /// What a half-space takes on the wire.
-constexpr double kHalfSpaceBits = kDirectionBits + kReachBits + 1;
+constexpr std::uint32_t kHalfSpaceBits = kDirectionBits + kReachBits + 1;
 /// A hull of more points is made coarser.
 constexpr std::size_t kMostPoints = 2048;
 /// A node is split where half-spaces for so many obstacles did not suffice.
@@ -51,12 +51,27 @@ Treelet treelet_of(const SplitStore& store, std::span<const VertexId> splits) {
 SplitSparer::SplitSparer(Mirror& mirror, std::span<const VertexId> splits,
                          std::vector<NodeSpan> kept, std::vector<ToClear> others)
     : mirror_(&mirror), kept_(std::move(kept)), others_(std::move(others)) {
-  for (const TreeletSplit& split : treelet_of(mirror.file().store(), splits))
-    nodes_.push_back({.split = split, .half_spaces = {}});
+  const SplitStore& store = mirror.file().store();
+  const Treelet treelet = treelet_of(store, splits);
+  const std::vector<SplitBits> bits = bits_of(mirror.file().header(), store, treelet);
+  std::vector<std::uint32_t> expected;  // boxes of the nodes that come next, the first one last
+  for (std::size_t i = 0; i < treelet.size(); ++i) {
+    Node node{.split = treelet[i], .half_spaces = {}, .split_bits = bits[i].record};
+    if (!expected.empty()) {
+      node.box_bits = expected.back();
+      expected.pop_back();
+    }
+    // Right, then left: preorder.
+    for (const bool left : {false, true}) {
+      const std::uint32_t box = left ? bits[i].left_box : bits[i].right_box;
+      if (left ? treelet[i].left_included : treelet[i].right_included)
+        expected.push_back(box + 1);
+      else if (box > 0)
+        node.split_bits += box + 1;
+    }
+    nodes_.push_back(std::move(node));
+  }
   std::sort(kept_.begin(), kept_.end());
-  // What a split of this model takes on the average, all boxes included.
-  split_bits_ =
-      8.0 * static_cast<double>(mirror.file().mesh_bytes()) / mirror.file().header().vertex_count;
   at_ = nodes_.size();
 }
 
@@ -195,7 +210,7 @@ Status SplitSparer::look_at(std::size_t i, Looked& looked) {
 
 Result<std::uint64_t> SplitSparer::look() {
   Node& node = nodes_[--at_];
-  node.bits = split_bits_;
+  node.bits = node.split_bits;
   std::size_t child = at_ + 1;
   for (const bool included : {node.split.left_included, node.split.right_included}) {
     if (!included) continue;
@@ -209,7 +224,8 @@ Result<std::uint64_t> SplitSparer::look() {
   if (!looked.is_to_be_split) NEARMESH_RETURN_IF_ERROR(look_at(at_, looked));
   if (looked.is_to_be_split) return looked.tests;
   node.can_be_spared = true;
-  const double bits = kHalfSpaceBits * static_cast<double>(node.half_spaces.size());
+  const auto bits =
+      node.box_bits + kHalfSpaceBits * static_cast<std::uint32_t>(node.half_spaces.size());
   if (bits < node.bits) {
     node.bits = bits;
     node.is_spared = true;

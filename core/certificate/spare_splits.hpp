@@ -44,8 +44,10 @@ class SplitSparer {
     std::size_t count = 1;  ///< of splits at it and below
     bool can_be_spared = false, is_spared = false;
     std::vector<HalfSpace> half_spaces;
-    NodeHull hull;    ///< until the node above takes it over; or none was needed
-    double bits = 0;  ///< of the cheapest way
+    NodeHull hull;                 ///< until the node above takes it over; or none was needed
+    std::uint32_t split_bits = 0;  ///< of its split, and of its parts that are not split
+    std::uint32_t box_bits = 0;    ///< of it where it is not split
+    std::uint32_t bits = 0;        ///< of the cheapest way
   };
   /// What came of a look.
   struct Looked {
@@ -72,7 +74,6 @@ class SplitSparer {
   std::vector<std::unique_ptr<ObstaclesAhead>> obstacles_;
   std::vector<Obstacle> in_the_way_;  // of the last node that could not be kept clear
   std::optional<std::uint16_t> last_direction_;
-  double split_bits_;
   std::size_t at_;  // those from here on have been looked at
 };
 

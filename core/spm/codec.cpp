@@ -363,6 +363,35 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   return batches;
 }
 
+std::vector<SplitBits> bits_of(const SpmHeader& header, const SplitStore& store,
+                               const Treelet& treelet) {
+  std::vector<SplitBits> bits(treelet.size());
+  BitWriter out;
+  record::WritingCoder coder(header.tables, out);
+  const auto box_bits = [&](std::uint32_t size, BoxCode box) -> std::uint32_t {
+    if (size < 2) return 0;
+    out.clear();
+    record::code_box(coder, size, box);
+    return static_cast<std::uint32_t>(out.bit_count());
+  };
+  record::OpenEdges edges;
+  std::vector<SplitFace> faces;
+  for (std::size_t i = 0; i < treelet.size(); ++i) {
+    const TreeletSplit& split = treelet[i];
+    faces.clear();
+    SplitRecord record = make_record(store, split, faces);
+    bits[i].left_box = box_bits(record.left().size, record.left_box);
+    bits[i].right_box = box_bits(record.right().size, record.right_box);
+    record::Inclusion included{split.left_included, split.right_included};
+    out.clear();
+    record::code_record(coder, header, BoxPolicy::kCutNodes, edges, record, included, faces);
+    bits[i].record = static_cast<std::uint32_t>(out.bit_count()) -
+                     (included.left ? 0 : bits[i].left_box) -
+                     (included.right ? 0 : bits[i].right_box);
+  }
+  return bits;
+}
+
 Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   Result<BatchHead> head = read_head(header, in);

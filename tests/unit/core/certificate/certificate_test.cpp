@@ -83,6 +83,7 @@ struct Desk {
         for (const NodeHalfSpace& half_space : sent.half_spaces) told.push_back({is_a, half_space});
         EXPECT_TRUE(replica.take(batch).status.is_ok());
         ++batches;
+        bytes += batch.size();
       }
     }
     return batches;
@@ -99,7 +100,7 @@ struct Desk {
   ModelFile file_a, file_b;
   Replica a, b;
   std::vector<Told> told;  ///< all that came
-  std::size_t splits = 0, rounds = 0;
+  std::size_t splits = 0, rounds = 0, bytes = 0;
   Mirrors mirrors;
 };
 
@@ -515,9 +516,55 @@ TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
   EXPECT_FALSE(is_known(1));
 }
 
+// Half-spaces are told where they are cheaper than what they spare. Of a ground and its cast nearly
+// all is needed: then the certificate is all splits, and no dearer than these.
+TEST(CertificateMakers, SpareOnlyWhatIsCheaperSpared) {
+  const BakedModel ground = test::bake_mesh(generate_terrain(64, 42), 16),
+                   cast = test::bake_mesh(generate_terrain(64, 42), 24);
+  std::size_t whole = 0;
+  for (const BakedModel* model : {&ground, &cast}) {
+    std::vector<VertexId> all;
+    for (std::uint32_t v = 0; v < model->header.vertex_count; ++v)
+      if (!model->store.is_root({v})) all.push_back({v});
+    for (const auto& batch : encode_batches(model->header, model->store,
+                                            treelet_of(model->store, all), BoxPolicy::kCutNodes))
+      whole += batch.size() + kSealBytes;
+  }
+  Desk desk(ground, cast);
+  Motion above;
+  above.pose.translation_m = {5, 3, 2};
+  BegunCertificate begun = desk.begin(desk.ask({}, above, 0));
+  ASSERT_TRUE(begun.maker) << begun.why_not;
+  desk.answer(*begun.maker);
+  constexpr std::size_t kHeads = 16;  // where batches end makes some bytes more or less
+  EXPECT_LT(desk.bytes, whole + kHeads)
+      << desk.splits << " splits, " << desk.told.size() << " half-spaces";
+}
+
+// Which of the two bodies a request names first makes no difference to what comes.
+TEST(CertificateMakers, SendTheSameWhicheverBodyIsNamedFirst) {
+  const BakedModel ground = test::bake_mesh(generate_terrain(64, 42), 16),
+                   cast = test::bake_mesh(generate_terrain(48, 42), 16);
+  for (const double height_m : {4.0, 8.0, 16.0}) {
+    Motion above;
+    above.pose.translation_m = {5, 3, height_m};
+    Desk first(ground, cast), second(cast, ground);
+    BegunCertificate begun = first.begin(first.ask({}, above, 0)),
+                     turned = second.begin(second.ask(above, {}, 0));
+    ASSERT_TRUE(begun.maker && turned.maker);
+    first.answer(*begun.maker);
+    second.answer(*turned.maker);
+    EXPECT_GT(first.told.size(), 100U);
+    // The same to the byte, but for what is rounded in the frame of the one or the other.
+    const auto bytes = static_cast<double>(first.bytes);
+    EXPECT_NEAR(static_cast<double>(second.bytes), bytes, 0.002 * bytes)
+        << "at " << height_m << " m";
+  }
+}
+
 // Two terrains that lie in each other: what one request may bring ends before what they need does.
 TEST(CertificateMakers, SendSoManySplitsForARequestAndThePeerAsksOn) {
-  const BakedModel terrain = test::bake_mesh(generate_terrain(160, 7), 16);
+  const BakedModel terrain = test::bake_mesh(generate_terrain(200, 7), 16);
   Desk desk(terrain, terrain);
   Motion aside;
   aside.pose.translation_m = {1, 2, 0.5};

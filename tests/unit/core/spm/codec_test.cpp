@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/detail/codec.hpp"
 
+#include <set>
+#include <utility>
+
 #include "core/base/hash.hpp"
 #include "core/demand/collect.hpp"
 #include "core/spm/bits.hpp"
@@ -98,6 +101,44 @@ TEST_P(Codec, NoBatchExceedsTheDatagram) {
          encode_batches(model.header, model.store, random_treelet(random, model, kMaxRequestSplits),
                         BoxPolicy::kCutNodes))
       EXPECT_LE(bytes.size(), kMaxBatchBytes);
+}
+
+// What a publisher chooses by is what it sends, to the bit.
+TEST_P(Codec, BitsOfSplitsAreThoseOfTheirBatch) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(18);
+  for (int i = 0; i < 30; ++i) {
+    const Treelet treelet = random_treelet(random, model, 1 + random.below(600));
+    if (treelet.empty()) continue;
+    const std::vector<SplitBits> bits = bits_of(model.header, model.store, treelet);
+    ASSERT_EQ(bits.size(), treelet.size());
+    BitWriter head;
+    std::size_t attached = 0, expected = 8;
+    std::set<NodeSpan> announced;
+    std::uint32_t last = 0;
+    for (std::size_t k = 0; k < treelet.size(); ++k) {
+      const TreeletSplit& split = treelet[k];
+      const NodeSpan left = split.node.left_of(split.split),
+                     right = split.node.right_of(split.split);
+      expected += bits[k].record + (split.left_included ? 0 : bits[k].left_box) +
+                  (split.right_included ? 0 : bits[k].right_box);
+      EXPECT_EQ(bits[k].left_box > 0, left.size > 1);
+      EXPECT_EQ(bits[k].right_box > 0, right.size > 1);
+      if (split.left_included) announced.insert(left);
+      if (split.right_included) announced.insert(right);
+      if (announced.contains(split.node)) continue;
+      ++attached;
+      head.put_gamma(split.node.begin() - std::exchange(last, split.node.begin()));
+      head.put_gamma(split.node.size - 2);
+    }
+    head.put_gamma(treelet.size());
+    head.put_gamma(attached);
+    expected += head.bit_count();
+    const auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes,
+                                        std::size_t{1} << 31);
+    ASSERT_EQ(batches.size(), 1U);
+    EXPECT_EQ(batches[0].size(), (expected + 7) / 8);
+  }
 }
 
 TEST_P(Codec, StoredBlocksHoldEverySplitOnce) {

@@ -59,6 +59,16 @@ inline constexpr std::size_t kBatchFramingBytes = 144;
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
     std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {});
 
+/// What a split takes in a batch, in bits.
+struct SplitBits {
+  std::uint32_t record = 0;                   ///< without boxes
+  std::uint32_t left_box = 0, right_box = 0;  ///< of each child of size > 1, were it sent
+};
+/// Of each split of a treelet, as encode_batches() codes it where the batch has room for all.
+/// Cost: about 200 ns a split.
+[[nodiscard]] std::vector<SplitBits> bits_of(const SpmHeader& header, const SplitStore& store,
+                                             const Treelet& treelet);
+
 /// Decodes one batch. Needs the header alone: no state of the peer enters.
 /// Errors: kCorrupt with the record and field where bytes contradict the header; nothing is
 /// allocated beyond what the bytes can hold. Cost: about 110 ns a split.
