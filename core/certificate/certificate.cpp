@@ -8,7 +8,6 @@
 #include "core/geometry/motion_bounds.hpp"
 #include "core/query/find_missing.hpp"
 #include "core/query/lacking_ahead.hpp"
-#include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
 
 namespace nearmesh {
@@ -17,6 +16,8 @@ namespace {
 /// What is needed now goes first where it is more than some batches: less is cheaper together with
 /// what is ahead.
 constexpr std::size_t kWorthItsOwn = 768;
+/// Room for less than some splits is not worth the attach nodes of another batch.
+constexpr std::size_t kWorthJoining = 96;
 /// Tests between two turns of those who are served, at least.
 constexpr std::uint64_t kTestsATurn = 50'000;
 /// So much of its way may a body end beside where it is predicted (figures: README.md).
@@ -242,6 +243,13 @@ Status CertificateMaker::spare(std::uint64_t round_tests) {
   return Status::ok();
 }
 
+/// How large the first batch of a model is to be, so that it has room in the sample of the last one
+/// of the model before.
+std::size_t CertificateMaker::beside_last() const {
+  const std::size_t left = room_.left();
+  return left < kWorthJoining ? kMaxBatchBytes : left - kSealBytes;
+}
+
 CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
   Mirror& mirror = *mirrors_[model];
   const ActiveMesh& mesh = mirror.model().mesh;
@@ -259,7 +267,8 @@ CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
   Part part{model, request_.models[model].content, {}};
   if (!treelet.empty() || !half_spaces.empty())
     part.batches = encode_batches(mirror.file().header(), mesh.store(), treelet,
-                                  BoxPolicy::kCutNodes, kMaxBatchBytes, half_spaces);
+                                  BoxPolicy::kCutNodes, kMaxBatchBytes, half_spaces, beside_last());
+  for (const std::vector<std::uint8_t>& batch : part.batches) room_.add(batch.size() + kSealBytes);
   splits.clear();
   told_of_[model].clear();
   return part;
@@ -270,6 +279,7 @@ Result<CertificateMaker::Part> CertificateMaker::next(std::uint64_t round_tests)
     Part part = encode(at_++);
     if (at_ == mirrors_.size()) {
       step_ = farthest_ = after_;
+      room_ = {};
       is_spared_ = false;
       at_ = 0;
     }

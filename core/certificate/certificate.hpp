@@ -17,6 +17,7 @@
 #include "core/query/lacking_ahead.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/certificate_request.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 
 namespace nearmesh {
 
@@ -47,6 +48,8 @@ class CertificateMaker {
   /// them. A query that finds nothing within them is asked again with four times as many.
   [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
+  /// next() gives batches, which share samples with those of the models before (SampleRoom).
+  [[nodiscard]] bool is_sending() const { return step_ == Step::kSend; }
   /// What was done so far, in tests: a split takes as long as ten.
   [[nodiscard]] std::uint64_t work() const { return tests_ + 10 * split_count_; }
   /// After an error: the content whose file could not be read, if that was it. The peer is to ask
@@ -61,6 +64,7 @@ class CertificateMaker {
   [[nodiscard]] double margin_m(const CertificateRequest::Pair& pair, bool is_ahead) const;
   [[nodiscard]] Status split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                              std::span<const NodeSpan> b);
+  [[nodiscard]] std::size_t beside_last() const;
   Part encode(std::size_t model);
 
   CertificateRequest request_;
@@ -78,6 +82,7 @@ class CertificateMaker {
   std::vector<std::size_t> spare_order_;           // of models
   std::optional<SplitSparer> sparer_;
   std::optional<ContentHash> unreadable_;
+  SampleRoom room_;     // of what is sent
   std::size_t at_ = 0;  // the pair, or the model that is sent
 };
 

@@ -308,7 +308,9 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
                                                       const SplitStore& store,
                                                       const Treelet& treelet, BoxPolicy boxes,
                                                       std::size_t max_bytes,
-                                                      std::span<const NodeHalfSpace> half_spaces) {
+                                                      std::span<const NodeHalfSpace> half_spaces,
+                                                      std::size_t first_max_bytes) {
+  std::size_t most = std::min(first_max_bytes, max_bytes);  // of the batch that is open
   NEARMESH_ASSERT(half_spaces.empty() || boxes == BoxPolicy::kCutNodes);
   std::vector<std::vector<std::uint8_t>> batches;
   OpenBatch open;
@@ -337,7 +339,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
           open.add_made(record, included, none);
         }
       }
-      fits = open.byte_bound() <= max_bytes || open.record_count == 1;
+      if (open.record_count == 1 && open.byte_bound() > most) most = max_bytes;
+      fits = open.byte_bound() <= most || open.record_count == 1;
       if (fits) {
         expected.push_children(record, included);
         continue;
@@ -345,6 +348,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       // Close the batch without the record, and start the next one with it.
       open.take_back(mark);
       batches.push_back(open.finish(boxes));
+      most = max_bytes;
       open = OpenBatch{};
       expected.clear();
     }
@@ -352,8 +356,9 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   for (const NodesToTell::Group& group : nodes.left()) {
     OpenBatch with = open;
     with.add_held(group);
-    if (!open.is_empty() && with.byte_bound() > max_bytes) {
+    if (!open.is_empty() && with.byte_bound() > most) {
       batches.push_back(open.finish(boxes));
+      most = max_bytes;
       with = OpenBatch{};
       with.add_held(group);
     }

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Of codec.hpp: what there is of models, who asks for what, what is sent and held of it.
 #include <algorithm>
+#include <span>
 #include <string>
 #include <utility>
 
 #include "codec.hpp"
 #include "codec_fields.hpp"
+#include "core/base/packed_bytes.hpp"
 #include "core/spm/packed_certificate.hpp"
 #include "core/spm/packed_region.hpp"
 #include "idl/messages/process_name.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 
 namespace nearmesh::wire {
 
@@ -19,7 +22,51 @@ constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::uint8_t kFlagWantsHeld = 4;
 constexpr std::uint8_t kFlagWantsRegions = 8;
 constexpr std::uint8_t kFlagPiece = 16;
+constexpr std::uint8_t kFlagJoined = 32;
 constexpr std::size_t kWordsPerNode = 2;
+
+using BatchSize = std::uint16_t;
+static_assert(sizeof(BatchSize) == kJoinSizeBytes &&
+              sizeof(ContentHash) + sizeof(BatchSize) == kJoinBytes);
+
+// Of batches that share a sample: the first one's size and bytes, then content, size and bytes of
+// each other one.
+Octets joined_bytes(const SplitBatchMessage& message) {
+  Packer out;
+  const auto put = [&out](const Octets& batch) {
+    out.put(static_cast<BatchSize>(batch.size()));
+    out.bytes.insert(out.bytes.end(), batch.begin(), batch.end());
+  };
+  put(message.bytes);
+  for (const SplitBatchMessage::Joined& next : message.joined) {
+    out.put(next.content_hash.high);
+    out.put(next.content_hash.low);
+    put(next.bytes);
+  }
+  return std::move(out.bytes);
+}
+
+Status split_joined(const Octets& bytes, SplitBatchMessage& message) {
+  Unpacker in(bytes);
+  const auto get = [&in](Octets& batch) {
+    BatchSize size = 0;
+    in.get(size);
+    const std::span<const std::uint8_t> own = in.take(size);
+    batch.assign(own.begin(), own.end());
+  };
+  get(message.bytes);
+  while (!in.is_whole() && !in.has_failed()) {
+    SplitBatchMessage::Joined next;
+    in.get(next.content_hash.high);
+    in.get(next.content_hash.low);
+    get(next.bytes);
+    message.joined.push_back(std::move(next));
+  }
+  if (in.has_failed() || message.joined.empty())
+    return malformed("joined batches: " + std::to_string(bytes.size()) +
+                     " bytes end inside a batch, or hold no second one");
+  return Status::ok();
+}
 
 }  // namespace
 
@@ -149,19 +196,23 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
   sample.flags(static_cast<std::uint8_t>(
       (message.last ? kFlagLast : 0) | (message.refused ? kFlagRefused : 0) |
       (message.wants_held ? kFlagWantsHeld : 0) | (message.wants_regions ? kFlagWantsRegions : 0) |
-      (message.is_piece ? kFlagPiece : 0)));
+      (message.is_piece ? kFlagPiece : 0) | (message.joined.empty() ? 0 : kFlagJoined)));
   sample.request(message.request);
   sample.publisher(message.publisher);
   sample.content_hash(words_of(message.content_hash));
   sample.sequence_number(message.sequence);
-  sample.bytes(message.bytes);
+  if (message.joined.empty())
+    sample.bytes(message.bytes);
+  else
+    sample.bytes(joined_bytes(message));
 }
 
 Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   SplitBatchMessage message;
   message.wire_version = sample.wire_version();
   NEARMESH_RETURN_IF_ERROR(check_bits(
-      sample.flags(), kFlagLast | kFlagRefused | kFlagWantsHeld | kFlagWantsRegions | kFlagPiece,
+      sample.flags(),
+      kFlagLast | kFlagRefused | kFlagWantsHeld | kFlagWantsRegions | kFlagPiece | kFlagJoined,
       "flags"));
   message.last = (sample.flags() & kFlagLast) != 0;
   message.refused = (sample.flags() & kFlagRefused) != 0;
@@ -172,7 +223,10 @@ Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   message.publisher = sample.publisher();
   message.content_hash = content_at(sample.content_hash(), 0);
   message.sequence = sample.sequence_number();
-  message.bytes = sample.bytes();
+  if ((sample.flags() & kFlagJoined) != 0)
+    NEARMESH_RETURN_IF_ERROR(split_joined(sample.bytes(), message));
+  else
+    message.bytes = sample.bytes();
   return checked(std::move(message));
 }
 

@@ -106,6 +106,51 @@ std::vector<SplitBatchMessage> answer_messages(SessionId publisher, std::uint32_
   return messages;
 }
 
+std::size_t sample_bytes(const SplitBatchMessage& message) {
+  std::size_t bytes = message.bytes.size();
+  if (!message.joined.empty()) bytes += kJoinSizeBytes;
+  for (const SplitBatchMessage::Joined& next : message.joined)
+    bytes += kJoinBytes + next.bytes.size();
+  return bytes;
+}
+
+bool join(SplitBatchMessage& message, SplitBatchMessage& next) {
+  const auto is_batch = [](const SplitBatchMessage& one) { return !one.refused && !one.is_piece; };
+  if (message.publisher != next.publisher || message.request != next.request || message.last ||
+      !is_batch(message) || !is_batch(next) || !next.joined.empty())
+    return false;
+  // Only that it was the last is said by it.
+  if (next.bytes.empty()) {
+    message.last = next.last;
+    return true;
+  }
+  SplitBatchMessage::Joined added{next.content_hash, std::move(next.bytes)};
+  message.joined.push_back(std::move(added));
+  if (sample_bytes(message) <= kMaxSealedBytes) {
+    message.last = next.last;
+    return true;
+  }
+  next.bytes = std::move(message.joined.back().bytes);
+  message.joined.pop_back();
+  return false;
+}
+
+std::vector<SplitBatchMessage> take_apart(SplitBatchMessage&& message) {
+  const std::vector<SplitBatchMessage::Joined> joined = std::exchange(message.joined, {});
+  const bool is_last = message.last;
+  message.last = is_last && joined.empty();
+  std::vector<SplitBatchMessage> apart{std::move(message)};
+  for (const SplitBatchMessage::Joined& next : joined) {
+    SplitBatchMessage one = apart.front();
+    one.content_hash = next.content_hash;
+    one.sequence += static_cast<std::uint32_t>(apart.size());
+    one.bytes = next.bytes;
+    one.last = is_last && apart.size() == joined.size();
+    apart.push_back(std::move(one));
+  }
+  return apart;
+}
+
 SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription& request,
                                   const std::string& why) {
   const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxSealedBytes));
@@ -213,7 +258,9 @@ Status check(const SplitBatchMessage& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
   if (message.sequence == 0) return invalid("sequence: expected from 1, found 0");
-  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxSealedBytes, "batch bytes"));
+  NEARMESH_RETURN_IF_ERROR(check_most(sample_bytes(message), kMaxSealedBytes, "batch bytes"));
+  if (!message.joined.empty() && (message.refused || message.is_piece))
+    return invalid("batches are joined to what is none");
   if ((message.wants_held || message.wants_regions) && !message.refused)
     return invalid("a batch that is not refused wants another request");
   if (message.refused) {

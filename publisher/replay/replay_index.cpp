@@ -118,15 +118,16 @@ void ReplayIndex::sort() {
 Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
   try {
     for (; most > 0 && !batches_.empty(); --most) {
-      const std::int64_t id = batches_.front().first;
-      RecordedDetail& detail = details_.at(batches_.front().second);
+      const auto [id, content] = batches_.front();
+      RecordedDetail& detail = details_.at(content);
       batches_.pop_front();
       NEARMESH_RETURN_IF_ERROR(
           recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
-            if (const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
-                batch.is_ok())
+            auto sample = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+            if (!sample.is_ok()) return true;
+            for (const wire::SplitBatchMessage& batch : take_apart(std::move(sample).value()))
               // What is wrong with it was wrong when it was sent; peers dropped it too.
-              static_cast<void>(detail.add(id, batch.value().bytes));
+              if (batch.content_hash == content) static_cast<void>(detail.add(id, batch.bytes));
             return true;
           }));
     }
@@ -179,7 +180,7 @@ void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
       requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
           {.id = id, .number = asked.value().request});
   } else if (stream.carries<wire::SplitBatchMessage>()) {
-    take_batch(id, at, message);
+    take_batches_of(id, at, message);
   } else if (stream.carries<wire::BodyPoses>()) {
     take_part<wire::BodyPoses>(id, at, message);
   } else if (stream.carries<wire::BodyDirectory>()) {
@@ -214,11 +215,16 @@ void ReplayIndex::add_detail(const RecordedMessage& message) {
     details_.emplace(header.value().content_hash, std::move(decoded).value());
 }
 
+void ReplayIndex::take_batches_of(std::int64_t id, std::uint32_t stream,
+                                  const RecordedMessage& message) {
+  auto sample = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+  if (!sample.is_ok()) return;
+  for (const wire::SplitBatchMessage& batch : take_apart(std::move(sample).value()))
+    take_batch(id, stream, batch);
+}
+
 void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
-                             const RecordedMessage& message) {
-  const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
-  if (!batch.is_ok()) return;
-  const wire::SplitBatchMessage& sent = batch.value();
+                             const wire::SplitBatchMessage& sent) {
   // What was asked of several models at once is under none.
   for (const ContentHash& content : {sent.content_hash, ContentHash{}}) {
     const auto asked = requests_.find({streams_[stream].partition, content});

@@ -88,7 +88,8 @@ class ReplayIndex {
   template <class Message>
   void take_part(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
   void add_detail(const RecordedMessage& message);
-  void take_batch(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
+  void take_batches_of(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
+  void take_batch(std::int64_t id, std::uint32_t stream, const wire::SplitBatchMessage& sent);
 
   std::vector<ReplayStream> streams_;
   std::vector<std::uint32_t> stream_of_writer_;

@@ -307,7 +307,7 @@ Service::OpenRequests::iterator Service::most_urgent(Peer& peer, const Room& roo
   std::size_t queued_bytes = 0;
   for (const Waiting& waiting : peer.queue)
     if (waiting.priority <= found->second.subscription.priority)
-      queued_bytes += waiting.message.bytes.size() + kBatchFramingBytes;
+      queued_bytes += sample_bytes(waiting.message) + kBatchFramingBytes;
   if (queued_bytes < kEnoughQueuedBytes) return found;
   // An answer that is being collected goes on all the same: it adds nothing to the queue until it
   // is through, and others wait for its place.
@@ -365,15 +365,13 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
       return;
     }
     if (part.is_ok()) {
-      peer.served_s = served_s_ + part.value().took_s +
-                      kBatch_s * static_cast<double>(part.value().batches.size());
+      std::size_t batches = part.value().batches.size();
+      for (const Part::Other& other : part.value().others) batches += other.batches.size();
+      peer.served_s = served_s_ + part.value().took_s + kBatch_s * static_cast<double>(batches);
       const bool last = part.value().last;
       open.is_making = part.value().is_of_mirror;
-      open.is_collecting = !last && !open.is_making && part.value().batches.empty();
-      enqueue(
-          peer, open,
-          wire::answer_messages(session_, open.subscription.request, part.value().content,
-                                std::move(part.value().batches), last, part.value().are_pieces));
+      open.is_collecting = !last && !open.is_making && batches == 0;
+      enqueue(peer, open, messages_of(open.subscription.request, std::move(part).value()));
       if (last) peer.open.erase(at);
       return;
     }
@@ -381,6 +379,19 @@ void Service::serve(const Turn& turn, double now_s, std::vector<std::string>& li
   }
   refuse(id, peer, open, fault.message(), now_s, lines);
   peer.open.erase(at);
+}
+
+std::vector<wire::SplitBatchMessage> Service::messages_of(std::uint32_t request,
+                                                          Part&& part) const {
+  std::vector<wire::SplitBatchMessage> messages =
+      wire::answer_messages(session_, request, part.content, std::move(part.batches),
+                            part.last && part.others.empty(), part.are_pieces);
+  for (std::size_t i = 0; i < part.others.size(); ++i)
+    for (wire::SplitBatchMessage& message : wire::answer_messages(
+             session_, request, part.others[i].content, std::move(part.others[i].batches),
+             part.last && i + 1 == part.others.size()))
+      messages.push_back(std::move(message));
+  return messages;
 }
 
 Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, const Open& open) {
@@ -419,12 +430,22 @@ Service::Parts Service::certify(wire::SessionId id, Peer& peer,
       its->maker = std::move(begun->maker);
     }
     const std::uint64_t work_before = its->maker->work();
-    auto made = its->maker->next();
-    if (!made.is_ok() && its->maker->unreadable())
-      return Part{.instead = wire::redirection_message(session_, asked, made.status().message(),
-                                                       *its->maker->unreadable(), true)};
-    NEARMESH_RETURN_IF_ERROR(made);
-    Part part{made.value().content, std::move(made.value().batches), its->maker->is_done()};
+    // What is sent of all models goes out together, so that they share samples.
+    Part part;
+    do {
+      auto made = its->maker->next();
+      if (!made.is_ok() && its->maker->unreadable())
+        return Part{.instead = wire::redirection_message(session_, asked, made.status().message(),
+                                                         *its->maker->unreadable(), true)};
+      NEARMESH_RETURN_IF_ERROR(made);
+      if (part.batches.empty()) {
+        part.content = made.value().content;
+        part.batches = std::move(made.value().batches);
+      } else if (!made.value().batches.empty()) {
+        part.others.push_back({made.value().content, std::move(made.value().batches)});
+      }
+    } while (its->maker->is_sending());
+    part.last = its->maker->is_done();
     part.took_s = kLook_s + kTest_s * static_cast<double>(its->maker->work() - work_before);
     return part;
   });
@@ -458,19 +479,33 @@ void Service::enqueue(Peer& peer, const Open& open, std::vector<wire::SplitBatch
                     std::make_move_iterator(added.end()));
 }
 
+/// One datagram: a batch, and those of the same answer after it that have room in it.
 bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
-  if (peer.queue.empty()) return false;
-  wire::SplitBatchMessage& message = peer.queue.front().message;
-  const std::size_t bytes = message.bytes.size() + kBatchFramingBytes;
-  if (!peer.pacing.may_send(bytes)) return false;
-  message.sequence = peer.next_sequence;
-  if (!channel_.send(id, message)) return false;
-  peer.pacing.sent(peer.next_sequence++, bytes, now_s);
-  peer.queue.pop_front();
-  if (peer.queue.empty() && peer.pacing.may_send(kMaxBatchBytes + kBatchFramingBytes))
-    peer.pacing.ran_dry();
-  ++stats_.batches;
+  std::deque<Waiting>& queue = peer.queue;
+  if (queue.empty()) return false;
+  const auto framed = [](const wire::SplitBatchMessage& message) {
+    return sample_bytes(message) + kBatchFramingBytes;
+  };
+  if (!peer.pacing.may_send(framed(queue.front().message))) return false;
+  Waiting next = std::move(queue.front());
+  queue.pop_front();
+  while (!queue.empty() && join(next.message, queue.front().message)) queue.pop_front();
+  const std::size_t bytes = framed(next.message);
+  next.message.sequence = peer.next_sequence;
+  if (!peer.pacing.may_send(bytes) || !channel_.send(id, next.message)) {
+    // Each by itself again: another request may replace some of them.
+    std::vector<wire::SplitBatchMessage> apart = take_apart(std::move(next.message));
+    for (auto message = apart.rbegin(); message != apart.rend(); ++message)
+      queue.push_front({std::move(*message), next.priority, next.kind});
+    return false;
+  }
+  const std::uint32_t sequence = last_sequence(next.message);
+  stats_.batches += sequence + 1 - peer.next_sequence;
   stats_.bytes += bytes;
+  peer.pacing.sent(sequence, bytes, now_s);
+  peer.next_sequence = sequence + 1;
+  if (queue.empty() && peer.pacing.may_send(kMaxBatchBytes + kBatchFramingBytes))
+    peer.pacing.ran_dry();
   return true;
 }
 

@@ -73,6 +73,12 @@ class Service {
     double took_s = kTurn_s;
     /// In the place of all that: the peer is to ask otherwise.
     std::optional<wire::SplitBatchMessage> instead = std::nullopt;
+    /// Of other contents, after those.
+    struct Other {
+      ContentHash content;
+      std::vector<std::vector<std::uint8_t>> batches;
+    };
+    std::vector<Other> others = {};
   };
   /// The next part of one answer; a status that is not ok refuses, and nothing follows.
   using Parts = std::function<Result<Part>()>;
@@ -174,6 +180,8 @@ class Service {
                               const wire::RegionSubscription& asked);
   void refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
               double now_s, std::vector<std::string>& lines);
+  [[nodiscard]] std::vector<wire::SplitBatchMessage> messages_of(std::uint32_t request,
+                                                                 Part&& part) const;
   void enqueue(Peer& peer, const Open& open, std::vector<wire::SplitBatchMessage> messages);
   bool send(double now_s);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);

@@ -32,7 +32,8 @@ bool DdsChannel::Impl::receive() {
       kMaxTaken, [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
         if (!is_of_its_publisher(batch, writer)) return;
         note_batch(batch);
-        deliver_batch(std::move(batch));
+        for (wire::SplitBatchMessage& one : take_apart(std::move(batch)))
+          deliver_batch(std::move(one));
       });
   more |= receive_poses();
   hellos_.complain_of_silence();
@@ -84,8 +85,8 @@ void DdsChannel::Impl::note_batch(const wire::SplitBatchMessage& batch) {
   const auto at = accounts_.find(batch.publisher);
   if (at == accounts_.end()) return;
   // Not the highest: a publisher that lost us for a while counts from 1 again.
-  at->second.sequence = batch.sequence;
-  at->second.bytes += batch.bytes.size() + 1;
+  at->second.sequence = last_sequence(batch);
+  at->second.bytes += sample_bytes(batch) + 1;
 }
 
 /// Out: true when there may be more.

@@ -29,10 +29,12 @@ class Hands {
       if (wire::peer_of(partition) == 0) return;  // whatever its writer called it
       RecordedPeer* peer = peer_of(partition);
       if (peer == nullptr) return;
-      auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
-      if (!batch.is_ok()) return;
-      if (batch.value().is_piece) sources_.take_piece(batch.value());
-      peer->take(std::move(batch).value());
+      auto sample = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+      if (!sample.is_ok()) return;
+      for (wire::SplitBatchMessage& batch : take_apart(std::move(sample).value())) {
+        if (batch.is_piece) sources_.take_piece(batch);
+        peer->take(std::move(batch));
+      }
     } else if (const auto asked = samples_.read<wire::RegionSubscription>(message)) {
       RecordedPeer* peer = peer_of(wire::partition_of(asked->peer));
       if (peer != nullptr) peer->take(*asked);

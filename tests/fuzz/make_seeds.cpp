@@ -234,6 +234,7 @@ int main(int argc, char** argv) {
   write_sample<TypeOf<RegionSubscription>>("certificate_subscription", 2,
                                            wire::test::valid_certificate_subscription());
   write_sample<TypeOf<SplitBatchMessage>>("split_batch", 3, wire::test::valid_batch());
+  write_sample<TypeOf<SplitBatchMessage>>("joined_batches", 3, wire::test::valid_joined_batches());
   write_sample<TypeOf<BodyPoses>>("body_poses", 4, wire::test::valid_poses());
   write_sample<TypeOf<ContactReport>>("contact_report", 5, wire::test::valid_report());
   write_sample<TypeOf<ProcessStatus>>("process_status", 6, wire::test::valid_status());

@@ -307,7 +307,9 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     const auto at = bus_.peers_.find(peer);
     wire::SplitBatchMessage copy = batch;
     if (bus_.batch_filter && !bus_.batch_filter(peer, copy)) return true;
-    if (at != bus_.peers_.end()) bus_.post(at->second.batches, copy, bus_.on_batches);
+    if (at == bus_.peers_.end()) return true;
+    // What happens on the way happens to all of a sample.
+    bus_.post(at->second.batches, wire::take_apart(std::move(copy)), bus_.on_batches);
     return true;
   }
   void wait(double) override {}

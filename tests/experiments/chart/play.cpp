@@ -246,7 +246,7 @@ std::uint64_t whole_bytes(const perf::Model& model) {
   std::uint64_t bytes = framed(encode_header(model.baked.header).size());
   for (const auto& batch : encode_batches(model.baked.header, model.baked.store,
                                           active_treelet(mesh), BoxPolicy::kCutNodes))
-    bytes += batch.size() + kBatchFramingBytes;
+    bytes += batch.size() + kSealBytes + kBatchFramingBytes;
   return bytes;
 }
 

@@ -123,9 +123,11 @@ subscriber::Channel::Inbox LightChannel::take() {
     for (; hellos_ > 0 && headers_ < bus_.headers.size(); ++headers_)
       inbox.headers.push_back({bus_.hellos.front().publisher, bus_.headers[headers_]});
   }
-  static_cast<void>(
-      reader_.drain(1000, [&](wire::SplitBatchMessage&& batch, const wire::Handle&,
-                              wire::Microseconds) { inbox.batches.push_back(std::move(batch)); }));
+  static_cast<void>(reader_.drain(
+      1000, [&](wire::SplitBatchMessage&& batch, const wire::Handle&, wire::Microseconds) {
+        for (wire::SplitBatchMessage& one : take_apart(std::move(batch)))
+          inbox.batches.push_back(std::move(one));
+      }));
   if (inbox.batches.empty()) return inbox;
   wire::RegionSubscription credit;
   credit.peer = own_id_;

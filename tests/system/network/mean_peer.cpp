@@ -147,8 +147,8 @@ class MeanPeer {
     static_cast<void>(batches_.drain(
         most, [&](wire::SplitBatchMessage&& batch, const wire::Handle&, wire::Microseconds) {
           ++received_;
-          received_bytes_ += batch.bytes.size();
-          acknowledged_ = batch.sequence;
+          received_bytes_ += sample_bytes(batch);
+          acknowledged_ = last_sequence(batch);
           finished = finished || batch.last;
         }));
     return finished;

@@ -69,8 +69,10 @@ struct Desk {
   /// All that is sent, taken in. Out: how many batches.
   std::size_t answer(CertificateMaker& maker, std::uint64_t round_tests = kLookTests) {
     std::size_t batches = 0;
+    SampleRoom room;
     while (!maker.is_done()) {
       ++rounds;
+      if (!maker.is_sending()) room = {};
       Result<CertificateMaker::Part> part = maker.next(round_tests);
       EXPECT_TRUE(part.is_ok()) << part.status().message();
       if (!part.is_ok()) break;
@@ -84,6 +86,8 @@ struct Desk {
         EXPECT_TRUE(replica.take(batch).status.is_ok());
         ++batches;
         bytes += batch.size();
+        datagrams += batch.size() > room.left() ? 1 : 0;
+        room.add(batch.size());
       }
     }
     return batches;
@@ -100,7 +104,7 @@ struct Desk {
   ModelFile file_a, file_b;
   Replica a, b;
   std::vector<Told> told;  ///< all that came
-  std::size_t splits = 0, rounds = 0, bytes = 0;
+  std::size_t splits = 0, rounds = 0, bytes = 0, datagrams = 0;
   Mirrors mirrors;
 };
 
@@ -536,9 +540,26 @@ TEST(CertificateMakers, SpareOnlyWhatIsCheaperSpared) {
   BegunCertificate begun = desk.begin(desk.ask({}, above, 0));
   ASSERT_TRUE(begun.maker) << begun.why_not;
   desk.answer(*begun.maker);
-  constexpr std::size_t kHeads = 16;  // where batches end makes some bytes more or less
+  constexpr std::size_t kHeads = 100;  // of one batch more, and where batches end
   EXPECT_LT(desk.bytes, whole + kHeads)
       << desk.splits << " splits, " << desk.told.size() << " half-spaces";
+}
+
+// The first batch of the second model is made to fit beside the last one of the first.
+TEST(CertificateMakers, FillDatagramsWithBatchesOfBothModels) {
+  const BakedModel ground = test::bake_mesh(generate_terrain(64, 42), 16),
+                   cast = test::bake_mesh(generate_terrain(48, 42), 16);
+  for (const double height_m : {8.0, 32.0, 64.0, 128.0, 256.0, 512.0}) {
+    Motion above;
+    above.pose.translation_m = {5, 3, height_m};
+    Desk desk(ground, cast);
+    BegunCertificate begun = desk.begin(desk.ask({}, above, 0));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    desk.answer(*begun.maker);
+    // What is left free: of a batch less than a record's size, and what is not worth joining.
+    constexpr std::size_t kFilled = kMaxSealedBytes - 120;
+    EXPECT_LE(desk.datagrams, (desk.bytes + kFilled - 1) / kFilled) << "at " << height_m << " m";
+  }
 }
 
 // Which of the two bodies a request names first makes no difference to what comes.
@@ -557,7 +578,7 @@ TEST(CertificateMakers, SendTheSameWhicheverBodyIsNamedFirst) {
     EXPECT_GT(first.told.size(), 100U);
     // The same to the byte, but for what is rounded in the frame of the one or the other.
     const auto bytes = static_cast<double>(first.bytes);
-    EXPECT_NEAR(static_cast<double>(second.bytes), bytes, 0.002 * bytes)
+    EXPECT_NEAR(static_cast<double>(second.bytes), bytes, 0.004 * bytes)
         << "at " << height_m << " m";
   }
 }

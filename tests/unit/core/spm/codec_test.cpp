@@ -93,6 +93,33 @@ TEST_P(Codec, TinyBatchesDecodeToTheTreelet) {
                       1 + random.below(100));
 }
 
+// The first of an answer's batches may have to share a datagram.
+TEST_P(Codec, FirstBatchHasItsOwnLimit) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(15);
+  for (int i = 0; i < 30; ++i) {
+    const Treelet treelet = random_treelet(random, model, 1 + random.below(600));
+    const std::size_t first = random.below(2 * kMaxBatchBytes);
+    const auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes,
+                                        kMaxBatchBytes, {}, first);
+    std::size_t next = 0;
+    for (const auto& bytes : batches) {
+      const SplitBatch batch = decode_batch(model.header, bytes).value();
+      EXPECT_LE(bytes.size(), kMaxBatchBytes);
+      if (next == 0 && first > 200) {
+        EXPECT_LE(bytes.size(), first);
+      }
+      for (const SplitRecord& record : batch.splits)
+        expect_record(model, treelet[next++], batch, record, BoxPolicy::kCutNodes);
+    }
+    EXPECT_EQ(next, treelet.size());
+    // Where no record has room the batch is as if there were no such limit.
+    EXPECT_EQ(encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes,
+                             kMaxBatchBytes, {}, 1),
+              encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes));
+  }
+}
+
 TEST_P(Codec, NoBatchExceedsTheDatagram) {
   const BakedModel model = test::bake_named(GetParam());
   Random random(14);

@@ -45,7 +45,7 @@ TEST(Decode, RefusesSubscriptionWithPartialRecords) {
 
 TEST(Decode, RefusesBatchWithUnknownFlags) {
   using S = wire_types::SplitBatchSample;
-  expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(32); });
+  expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(64); });
 }
 
 TEST(Decode, RefusesStatusWhoseListsDiffer) {

@@ -74,6 +74,14 @@ inline SplitBatchMessage valid_batch() {
   return message;
 }
 
+/// Of three contents, in one sample.
+inline SplitBatchMessage valid_joined_batches() {
+  SplitBatchMessage message = valid_batch();
+  message.is_piece = false;
+  message.joined = {{{2, 22}, {1, 2, 3, 4, 5}}, {{3, 33}, {6}}};
+  return message;
+}
+
 inline BodyPose valid_pose() {
   BodyPose pose;
   pose.peer = 42;

@@ -153,6 +153,101 @@ TEST(CheckMessage, RefusesBatchOutsideItsLimits) {
                                      {"reason", [](M& m) { m.refused = true; }}});
 }
 
+TEST(CheckMessage, RefusesJoinedBatchesOutsideTheirLimits) {
+  using M = SplitBatchMessage;
+  expect_refusals<M>(valid_joined_batches(),
+                     {{"bytes", [](M& m) { m.joined[1].bytes.resize(kMaxSealedBytes - 8); }},
+                      {"bytes", [](M& m) { m.joined.resize(kMaxSealedBytes / kJoinBytes); }},
+                      {"joined", [](M& m) { m.is_piece = true; }},
+                      {"joined", [](M& m) {
+                         m.refused = true, m.bytes = {'n', 'o'};
+                       }}});
+}
+
+SplitBatchMessage batch_of(const ContentHash& content, std::size_t bytes) {
+  SplitBatchMessage message = valid_batch();
+  message.is_piece = message.last = false;
+  message.content_hash = content;
+  message.bytes.assign(bytes, static_cast<std::uint8_t>(bytes));
+  return message;
+}
+
+TEST(JoinedBatches, ComeApartAsTheyWere) {
+  SplitBatchMessage sample = batch_of({1, 1}, 300), second = batch_of({2, 2}, 200),
+                    third = batch_of({3, 3}, 100);
+  third.last = true;
+  EXPECT_TRUE(join(sample, second));
+  EXPECT_TRUE(join(sample, third));
+  EXPECT_EQ(sample_bytes(sample), 600 + 2 * kJoinBytes + kJoinSizeBytes);
+  EXPECT_EQ(last_sequence(sample), 5U);
+  EXPECT_TRUE(sample.last);
+  const std::vector<SplitBatchMessage> apart = take_apart(std::move(sample));
+  ASSERT_EQ(apart.size(), 3U);
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(apart[i].content_hash, (ContentHash{i + 1, i + 1}));
+    EXPECT_EQ(apart[i].bytes.size(), 300U - 100 * i);
+    EXPECT_EQ(apart[i].sequence, 3 + i);
+    EXPECT_EQ(apart[i].request, 7U);
+    EXPECT_EQ(apart[i].last, i == 2);
+    EXPECT_TRUE(apart[i].joined.empty());
+  }
+}
+
+TEST(JoinedBatches, AreOfOneAnswerAndOneDatagram) {
+  const auto is_joined = [](const std::function<void(SplitBatchMessage&)>& change_first,
+                            const std::function<void(SplitBatchMessage&)>& change_next) {
+    SplitBatchMessage first = batch_of({1, 1}, 500), next = batch_of({2, 2}, 400);
+    change_first(first);
+    change_next(next);
+    const SplitBatchMessage before = next;
+    const bool joined = join(first, next);
+    if (!joined) {
+      EXPECT_EQ(next.bytes, before.bytes);
+      EXPECT_TRUE(first.joined.empty());
+      EXPECT_FALSE(next.last);
+    }
+    return joined;
+  };
+  const auto as_it_is = [](SplitBatchMessage&) {};
+  EXPECT_TRUE(is_joined(as_it_is, as_it_is));
+  EXPECT_FALSE(is_joined(as_it_is, [](auto& m) { m.request = 8; }));
+  EXPECT_FALSE(is_joined(as_it_is, [](auto& m) { m.publisher = 9; }));
+  EXPECT_FALSE(is_joined([](auto& m) { m.last = true; }, as_it_is)) << "nothing follows the last";
+  EXPECT_FALSE(is_joined([](auto& m) { m.is_piece = true; }, as_it_is));
+  EXPECT_FALSE(is_joined(as_it_is, [](auto& m) { m.is_piece = true; }));
+  EXPECT_FALSE(is_joined(as_it_is, [](auto& m) { m.refused = true; }));
+  constexpr std::size_t kRoom = kMaxSealedBytes - 500 - kJoinBytes - kJoinSizeBytes;
+  EXPECT_TRUE(is_joined(as_it_is, [](auto& m) { m.bytes.resize(kRoom); }));
+  EXPECT_FALSE(is_joined(as_it_is, [](auto& m) { m.bytes.resize(kRoom + 1); }));
+}
+
+// "All is there" needs no batch of its own where one goes before it.
+TEST(JoinedBatches, AnEmptyLastOneTakesNoBytes) {
+  SplitBatchMessage sample = batch_of({1, 1}, 300), last = batch_of({2, 2}, 0);
+  last.last = true;
+  EXPECT_TRUE(join(sample, last));
+  EXPECT_TRUE(sample.last);
+  EXPECT_EQ(sample_bytes(sample), 300U);
+  EXPECT_EQ(last_sequence(sample), sample.sequence);
+}
+
+// What is counted ahead is what goes out.
+TEST(JoinedBatches, HaveTheRoomThatIsReckonedWith) {
+  Random random(3);
+  SampleRoom room;
+  std::size_t reckoned = 0, sent = 0;
+  std::vector<SplitBatchMessage> samples;
+  for (int i = 0; i < 2000; ++i) {
+    SplitBatchMessage next = batch_of({1, 1}, 1 + random.below(kMaxSealedBytes));
+    if (i % 2 == 1 && room.left() > 0) next.bytes.resize(room.left());
+    reckoned += room.add(next.bytes.size());
+    if (samples.empty() || !join(samples.back(), next)) samples.push_back(std::move(next));
+  }
+  for (const SplitBatchMessage& sample : samples) sent += sample_bytes(sample) + kBatchFramingBytes;
+  EXPECT_EQ(reckoned, sent);
+  EXPECT_LT(samples.size(), 1300U);
+}
+
 TEST(CheckMessage, TakesRefusalWithPrintableReason) {
   SplitBatchMessage message = valid_batch();
   message.refused = true;
@@ -290,7 +385,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = kWireVersion + 1;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 14, this build speaks 13");
+    EXPECT_EQ(check(message).message(), "wire version 15, this build speaks 14");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

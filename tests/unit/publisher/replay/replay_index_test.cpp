@@ -154,20 +154,19 @@ TEST_F(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
   SessionFile session(file.path());
   const auto names = wire::TopicNames("recorded");
   std::uint32_t batches = 0;
-  ASSERT_TRUE(
-      flown
-          ->read(1, flown->message_count() + 1,
-                 [&](std::int64_t, const RecordedMessage& message) {
-                   if (flown->topics()[flown->writers()[message.writer].topic].name ==
-                       names.of<wire::SplitBatchMessage>()) {
-                     session.add(
-                         0, kPeer,
-                         wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value());
-                     ++batches;
-                   }
-                   return true;
-                 })
-          .is_ok());
+  ASSERT_TRUE(flown
+                  ->read(1, flown->message_count() + 1,
+                         [&](std::int64_t, const RecordedMessage& message) {
+                           if (flown->topics()[flown->writers()[message.writer].topic].name ==
+                               names.of<wire::SplitBatchMessage>()) {
+                             const auto sent =
+                                 wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value();
+                             session.add(0, kPeer, sent);
+                             batches += 1 + static_cast<std::uint32_t>(sent.joined.size());
+                           }
+                           return true;
+                         })
+                  .is_ok());
   for (const wire::MeshHeader& header : headers) session.add(1, header);
   session.close();
   const auto index = build();

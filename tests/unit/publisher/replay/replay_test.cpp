@@ -50,7 +50,7 @@ TEST_F(ReplayTest, AllSamplesComeOutUnchangedAndInOrder) {
                            return true;
                          })
                   .is_ok());
-  EXPECT_GT(recorded.size(), 150U);
+  EXPECT_GT(recorded.size(), 100U);
   EXPECT_EQ(play.outlet.published, recorded);
   EXPECT_TRUE(play.replay.is_done());
   EXPECT_EQ(play.replay.stats().messages(), recorded.size());
@@ -357,20 +357,21 @@ TEST_F(ReplayTest, AnswersHoldAllThatWasDeliveredByThenAndNothingOfTheFuture) {
     // Forward and back, as a user seeks.
     for (const std::int64_t end : {count / 3, count + 1, std::int64_t{1}, count / 2, count / 5}) {
       RefinedMesh expected(header);
-      ASSERT_TRUE(recording
-                      ->read(1, end,
-                             [&](std::int64_t, const RecordedMessage& recorded) {
-                               const auto batch =
-                                   wire::decode_payload<wire::SplitBatchMessage>(recorded.cdr);
-                               const std::uint32_t stream = index->stream_of(recorded.writer);
-                               if (index->streams()[stream].carries<wire::SplitBatchMessage>() &&
-                                   batch.value().content_hash == message.content_hash &&
-                                   !batch.value().bytes.empty())
-                                 static_cast<void>(expected.apply_batch(
-                                     decode_sealed(header, batch.value().bytes).value()));
-                               return true;
-                             })
-                      .is_ok());
+      ASSERT_TRUE(
+          recording
+              ->read(1, end,
+                     [&](std::int64_t, const RecordedMessage& recorded) {
+                       const std::uint32_t stream = index->stream_of(recorded.writer);
+                       if (!index->streams()[stream].carries<wire::SplitBatchMessage>())
+                         return true;
+                       auto sample = wire::decode_payload<wire::SplitBatchMessage>(recorded.cdr);
+                       for (const auto& batch : take_apart(std::move(sample).value()))
+                         if (batch.content_hash == message.content_hash && !batch.bytes.empty())
+                           static_cast<void>(
+                               expected.apply_batch(decode_sealed(header, batch.bytes).value()));
+                       return true;
+                     })
+              .is_ok());
       EXPECT_EQ(state_of_answer(index->details().at(message.content_hash), header, end),
                 expected.mesh().state_hash())
           << message.name << " at " << end << " of " << count;

@@ -843,6 +843,39 @@ TEST(Service, WhoMixesRegionsAndCertificatesWaitsNoLongerThanItsWordCosts) {
   }
 }
 
+// Small batches of two models: one datagram, and each is numbered.
+TEST(Service, BatchesOfOneAnswerShareADatagram) {
+  Desk desk;
+  const BakedModel model = test::bake_mesh(generate_terrain(24, 7), 32);  // the same ground
+  const std::unique_ptr<test::TempFile> path = test::write_model(model);
+  ASSERT_EQ(desk.service.add_model("other", ModelFile::open(path->path()).value()).message(), "");
+  const ContentHash other = ModelFile::open(path->path()).value().content_hash();
+  std::vector<std::size_t> joined, bytes;
+  desk.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& sample) {
+    joined.push_back(sample.joined.size());
+    bytes.push_back(sample_bytes(sample));
+    return true;
+  };
+  wire::RegionSubscription asked = telling(1, kPeer, {desk.hash(), 0, {}});
+  asked.certificate->models.push_back({other, 0, {}});
+  asked.certificate->pairs[0] = {.b = 1, .translation_m = {0, 0, 40}};
+  desk.bus.inject(asked);
+  do desk.service.step(0);
+  while (desk.service.is_behind());
+  ASSERT_EQ(joined, std::vector<std::size_t>{1});
+  const auto received = desk.received();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[0].content_hash, desk.hash());
+  EXPECT_EQ(received[1].content_hash, other);
+  EXPECT_EQ(received[0].sequence + 1, received[1].sequence);
+  EXPECT_FALSE(received[0].last);
+  EXPECT_TRUE(received[1].last);
+  EXPECT_EQ(desk.service.stats().batches, 2U);
+  EXPECT_EQ(desk.service.stats().bytes, bytes[0] + kBatchFramingBytes);
+  for (const auto& message : received)
+    EXPECT_TRUE(unseal_batch(message.content_hash, message.bytes).is_ok());
+}
+
 // A request for one model replaces what waits of a certificate for it. Of its other model the peer
 // waits for the end.
 TEST(Service, ACertificateEndsThoughWhatWaitedOfItWasReplaced) {

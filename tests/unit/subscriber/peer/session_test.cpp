@@ -165,15 +165,17 @@ TEST(Session, AnySingleBatchMayBeLost) {
     ASSERT_EQ(world.fly(*session, flight), flight.frames());
     batches = std::max(batches, sent);
   }
-  EXPECT_GT(batches, 10U);
+  EXPECT_GT(batches, 5U);
 }
 
 TEST(Session, MeasuresSequenceGaps) {
   World world;
-  std::uint64_t sent = 0;
-  world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage&) {
+  std::uint64_t sent = 0, lost = 0;
+  world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& sample) {
     ++sent;
-    return sent != 2 && sent != 5 && sent != 6;
+    const bool is_lost = sent == 2 || sent == 5 || sent == 6;
+    if (is_lost) lost += 1 + sample.joined.size();
+    return !is_lost;
   };
   world.start_publisher();
   const auto session = world.make_peer();
@@ -181,7 +183,7 @@ TEST(Session, MeasuresSequenceGaps) {
   // Nodes whose own boxes were in what was lost must not stay missing for ever.
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
   ASSERT_GT(sent, 7U);
-  EXPECT_EQ(session->stats().sequence_gaps, 3U);
+  EXPECT_EQ(session->stats().sequence_gaps, lost);
 }
 
 // ---- who comes and goes -------------------------------------------------------------------------

@@ -28,7 +28,7 @@ namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are
 /// refused loudly.
-inline constexpr std::uint16_t kWireVersion = 13;
+inline constexpr std::uint16_t kWireVersion = 14;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -96,7 +96,7 @@ struct RegionSubscription {
   std::optional<CertificateRequest> certificate;  ///< then the region is empty
 };
 
-/// One encoded batch for one peer (a partition per peer).
+/// One encoded batch for one peer (a partition per peer), and what else had room beside it.
 struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
@@ -116,6 +116,13 @@ struct SplitBatchMessage {
   bool is_piece = false;
   /// Sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed.
   std::vector<std::uint8_t> bytes;
+  /// Further batches of the same answer, mostly of another content, in the same sample: a datagram
+  /// less for each. Their sequences follow on. `last` is said of the last of all.
+  struct Joined {
+    ContentHash content_hash;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::vector<Joined> joined = {};
 };
 
 /// A peer numbers the bodies that it moves from 0, each number once, and tells of them in parts of
@@ -555,6 +562,17 @@ struct Probe : Echo {};
 [[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
     SessionId publisher, std::uint32_t request, const ContentHash& content,
     std::vector<std::vector<std::uint8_t>> batches, bool last, bool are_pieces = false);
+/// Puts `next` into the sample of `message` where both are batches of the same answer, and there is
+/// room. Out: whether it was done.
+[[nodiscard]] bool join(SplitBatchMessage& message, SplitBatchMessage& next);
+/// Each batch of the sample as a message of its own.
+[[nodiscard]] std::vector<SplitBatchMessage> take_apart(SplitBatchMessage&& message);
+/// What a sample carries beside its fixed fields (kBatchFramingBytes), all that is joined included.
+[[nodiscard]] std::size_t sample_bytes(const SplitBatchMessage& message);
+/// That of the last batch.
+[[nodiscard]] inline std::uint32_t last_sequence(const SplitBatchMessage& message) {
+  return message.sequence + static_cast<std::uint32_t>(message.joined.size());
+}
 /// The same of a request that is refused, with as much of the reason as a batch holds.
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
                                                 const RegionSubscription& request,

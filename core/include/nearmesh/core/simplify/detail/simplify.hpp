@@ -29,7 +29,7 @@ enum class StopReason : std::uint8_t {
 [[nodiscard]] const char* to_string(StopReason reason);
 
 struct SimplifyOptions {
-  std::uint32_t base_faces = 16;            ///< stop at or below this many faces; at least 1
+  std::uint32_t base_faces = 6;             ///< stop at or below this many faces; at least 1
   unsigned threads = 0;                     ///< 0: one for each core; no influence on the result
   std::function<void(double)> on_progress;  ///< called with a share in [0, 1] by the caller's
                                             ///< thread; may be empty

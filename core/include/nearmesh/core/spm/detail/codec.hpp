@@ -47,17 +47,48 @@ inline constexpr std::uint8_t kWithHalfSpaces = 3;
 /// Measured on a capture. Fast DDS 3 adds 60 bytes of statistics, which the door leaves out of what
 /// 2.9 sends.
 inline constexpr std::size_t kBatchFramingBytes = 144;
+/// Where batches of one answer share a sample, each but the first takes so much more, for its
+/// content and its size; and the first one's size is told, too.
+inline constexpr std::size_t kJoinBytes = 18, kJoinSizeBytes = 2;
+
+/// How the batches of an answer, in their order, share samples.
+class SampleRoom {
+ public:
+  /// The largest sealed batch that has room beside the last one; perhaps 0.
+  [[nodiscard]] std::size_t left() const {
+    const std::size_t taken = sample_bytes_ + kJoinBytes + (is_joined_ ? 0 : kJoinSizeBytes);
+    return sample_bytes_ == 0 || taken >= kMaxSealedBytes ? 0 : kMaxSealedBytes - taken;
+  }
+  /// Out: what the next batch, sealed, adds to the wire.
+  std::size_t add(std::size_t sealed_bytes) {
+    if (sealed_bytes > left()) {
+      sample_bytes_ = sealed_bytes;
+      is_joined_ = false;
+      return sealed_bytes + kBatchFramingBytes;
+    }
+    const std::size_t added = sealed_bytes + kJoinBytes + (is_joined_ ? 0 : kJoinSizeBytes);
+    is_joined_ = true;
+    sample_bytes_ += added;
+    return added;
+  }
+
+ private:
+  std::size_t sample_bytes_ = 0;
+  bool is_joined_ = false;
+};
 
 /// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes
 /// alone. The store must know every split named; it need not hold all of the model: a node that
 /// came without a box is given one around its nearest ancestor's.
 /// `half_spaces`, ascending, with box policy kCutNodes: of nodes that a split of the treelet makes
 /// and none divides, at some 20 bits each, and of nodes that are disjoint from these and from each
-/// other, which the receiver holds. At most kMaxHalfSpaces a node, one a direction. Cost: about 200
-/// ns a split.
+/// other, which the receiver holds. At most kMaxHalfSpaces a node, one a direction.
+/// `first_max_bytes`: of the first batch; it is not kept to where not even one record has room.
+/// Cost: about 200 ns a split.
 [[nodiscard]] std::vector<std::vector<std::uint8_t>> encode_batches(
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
-    std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {});
+    std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {},
+    std::size_t first_max_bytes = ~std::size_t{0});
 
 /// What a split takes in a batch, in bits.
 struct SplitBits {
