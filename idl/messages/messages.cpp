@@ -261,6 +261,8 @@ Status check(const SplitBatchMessage& message) {
   NEARMESH_RETURN_IF_ERROR(check_most(sample_bytes(message), kMaxSealedBytes, "batch bytes"));
   if (!message.joined.empty() && (message.refused || message.is_piece))
     return invalid("batches are joined to what is none");
+  for (const SplitBatchMessage::Joined& next : message.joined)
+    if (next.bytes.empty()) return invalid("a joined batch has no bytes");
   if ((message.wants_held || message.wants_regions) && !message.refused)
     return invalid("a batch that is not refused wants another request");
   if (message.refused) {

@@ -157,7 +157,11 @@ TEST(CheckMessage, RefusesJoinedBatchesOutsideTheirLimits) {
   using M = SplitBatchMessage;
   expect_refusals<M>(valid_joined_batches(),
                      {{"bytes", [](M& m) { m.joined[1].bytes.resize(kMaxSealedBytes - 8); }},
-                      {"bytes", [](M& m) { m.joined.resize(kMaxSealedBytes / kJoinBytes); }},
+                      {"bytes",
+                       [](M& m) {
+                         m.joined.resize(kMaxSealedBytes / kJoinBytes, {{1, 1}, {1}});
+                       }},
+                      {"no bytes", [](M& m) { m.joined[0].bytes.clear(); }},
                       {"joined", [](M& m) { m.is_piece = true; }},
                       {"joined", [](M& m) {
                          m.refused = true, m.bytes = {'n', 'o'};
