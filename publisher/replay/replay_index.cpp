@@ -118,7 +118,8 @@ void ReplayIndex::sort() {
 Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
   try {
     for (; most > 0 && !batches_.empty(); --most) {
-      const auto [id, content] = batches_.front();
+      const std::int64_t id = batches_.front().first;
+      const ContentHash content = batches_.front().second;
       RecordedDetail& detail = details_.at(content);
       batches_.pop_front();
       NEARMESH_RETURN_IF_ERROR(
