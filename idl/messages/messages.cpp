@@ -136,18 +136,16 @@ bool join(SplitBatchMessage& message, SplitBatchMessage& next) {
 }
 
 std::vector<SplitBatchMessage> take_apart(SplitBatchMessage&& message) {
-  const std::vector<SplitBatchMessage::Joined> joined = std::exchange(message.joined, {});
-  const bool is_last = message.last;
-  message.last = is_last && joined.empty();
-  std::vector<SplitBatchMessage> apart{std::move(message)};
-  for (const SplitBatchMessage::Joined& next : joined) {
-    SplitBatchMessage one = apart.front();
-    one.content_hash = next.content_hash;
-    one.sequence += static_cast<std::uint32_t>(apart.size());
-    one.bytes = next.bytes;
-    one.last = is_last && apart.size() == joined.size();
-    apart.push_back(std::move(one));
-  }
+  std::vector<SplitBatchMessage> apart;
+  apart.push_back(std::move(message));
+  const bool is_last = std::exchange(apart.front().last, false);
+  for (SplitBatchMessage::Joined& next : std::exchange(apart.front().joined, {}))
+    apart.push_back({.publisher = apart.front().publisher,
+                     .content_hash = next.content_hash,
+                     .request = apart.front().request,
+                     .sequence = apart.back().sequence + 1,
+                     .bytes = std::move(next.bytes)});
+  apart.back().last = is_last;
   return apart;
 }
 

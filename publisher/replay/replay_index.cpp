@@ -118,9 +118,7 @@ void ReplayIndex::sort() {
 Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
   try {
     for (; most > 0 && !batches_.empty(); --most) {
-      const std::int64_t id = batches_.front().first;
-      const ContentHash content = batches_.front().second;
-      RecordedDetail& detail = details_.at(content);
+      const std::int64_t id = batches_.front();
       batches_.pop_front();
       NEARMESH_RETURN_IF_ERROR(
           recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
@@ -128,7 +126,8 @@ Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
             if (!sample.is_ok()) return true;
             for (const wire::SplitBatchMessage& batch : take_apart(std::move(sample).value()))
               // What is wrong with it was wrong when it was sent; peers dropped it too.
-              if (batch.content_hash == content) static_cast<void>(detail.add(id, batch.bytes));
+              if (const auto at = details_.find(batch.content_hash); at != details_.end())
+                static_cast<void>(at->second.add(id, batch.bytes));
             return true;
           }));
     }
@@ -181,7 +180,7 @@ void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
       requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
           {.id = id, .number = asked.value().request});
   } else if (stream.carries<wire::SplitBatchMessage>()) {
-    take_batches_of(id, at, message);
+    take_batch(id, at, message);
   } else if (stream.carries<wire::BodyPoses>()) {
     take_part<wire::BodyPoses>(id, at, message);
   } else if (stream.carries<wire::BodyDirectory>()) {
@@ -216,16 +215,21 @@ void ReplayIndex::add_detail(const RecordedMessage& message) {
     details_.emplace(header.value().content_hash, std::move(decoded).value());
 }
 
-void ReplayIndex::take_batches_of(std::int64_t id, std::uint32_t stream,
-                                  const RecordedMessage& message) {
+void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
+                             const RecordedMessage& message) {
   auto sample = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
   if (!sample.is_ok()) return;
-  for (const wire::SplitBatchMessage& batch : take_apart(std::move(sample).value()))
-    take_batch(id, stream, batch);
+  bool has_detail = false;
+  for (const wire::SplitBatchMessage& sent : take_apart(std::move(sample).value())) {
+    note_answered(id, stream, sent);
+    has_detail |= !sent.refused && !sent.is_piece && !sent.bytes.empty() &&
+                  details_.contains(sent.content_hash);
+  }
+  if (has_detail) batches_.push_back(id);
 }
 
-void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
-                             const wire::SplitBatchMessage& sent) {
+void ReplayIndex::note_answered(std::int64_t id, std::uint32_t stream,
+                                const wire::SplitBatchMessage& sent) {
   // What was asked of several models at once is under none.
   for (const ContentHash& content : {sent.content_hash, ContentHash{}}) {
     const auto asked = requests_.find({streams_[stream].partition, content});
@@ -235,9 +239,6 @@ void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
                          [](const Request& r, std::uint32_t number) { return r.number < number; });
     if (request != asked->second.end() && request->number == sent.request) request->answered = id;
   }
-  if (!sent.refused && !sent.is_piece && !sent.bytes.empty() &&
-      details_.contains(sent.content_hash))
-    batches_.emplace_back(id, sent.content_hash);
 }
 
 std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {

@@ -58,8 +58,8 @@ class ReplayIndex {
   /// By content hash. Those with a header in the recording, where batches are wanted at all.
   /// Complete once all batches were taken in.
   [[nodiscard]] std::map<ContentHash, RecordedDetail>& details() { return details_; }
-  /// Takes in the next batches, at most `most`. Errors: the reader's; kIo where there is no memory
-  /// for them.
+  /// Takes in the batches of the next samples, at most `most` of these. Errors: the reader's; kIo
+  /// where there is no memory for them.
   [[nodiscard]] Status take_batches(RecordingReader& recording, std::size_t most);
   [[nodiscard]] bool has_all_batches() const { return batches_.empty(); }
 
@@ -88,8 +88,8 @@ class ReplayIndex {
   template <class Message>
   void take_part(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
   void add_detail(const RecordedMessage& message);
-  void take_batches_of(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
-  void take_batch(std::int64_t id, std::uint32_t stream, const wire::SplitBatchMessage& sent);
+  void take_batch(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
+  void note_answered(std::int64_t id, std::uint32_t stream, const wire::SplitBatchMessage& sent);
 
   std::vector<ReplayStream> streams_;
   std::vector<std::uint32_t> stream_of_writer_;
@@ -99,8 +99,7 @@ class ReplayIndex {
   std::map<std::pair<std::uint32_t, std::string>, Latch> latches_;  // by stream and key
   // By the peer's partition and content.
   std::map<std::pair<std::string, ContentHash>, std::vector<Request>> requests_;
-  /// That are not in the details yet: id and content, ascending.
-  std::deque<std::pair<std::int64_t, ContentHash>> batches_;
+  std::deque<std::int64_t> batches_;  ///< samples that are not in the details yet, ascending
   bool plays_batches_ = false;
 };
 

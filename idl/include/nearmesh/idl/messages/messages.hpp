@@ -562,6 +562,16 @@ struct Probe : Echo {};
 [[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
     SessionId publisher, std::uint32_t request, const ContentHash& content,
     std::vector<std::vector<std::uint8_t>> batches, bool last, bool are_pieces = false);
+/// The same of a request that is refused, with as much of the reason as a batch holds.
+[[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
+                                                const RegionSubscription& request,
+                                                const std::string& why);
+/// The same where the peer is to ask otherwise about one content of the request (none: about all):
+/// for regions, or else to say what it holds of it.
+[[nodiscard]] SplitBatchMessage redirection_message(SessionId publisher,
+                                                    const RegionSubscription& request,
+                                                    const std::string& why,
+                                                    const ContentHash& content, bool wants_regions);
 /// Puts `next` into the sample of `message` where both are batches of the same answer, and there is
 /// room. Out: whether it was done.
 [[nodiscard]] bool join(SplitBatchMessage& message, SplitBatchMessage& next);
@@ -573,16 +583,6 @@ struct Probe : Echo {};
 [[nodiscard]] inline std::uint32_t last_sequence(const SplitBatchMessage& message) {
   return message.sequence + static_cast<std::uint32_t>(message.joined.size());
 }
-/// The same of a request that is refused, with as much of the reason as a batch holds.
-[[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
-                                                const RegionSubscription& request,
-                                                const std::string& why);
-/// The same where the peer is to ask otherwise about one content of the request (none: about all):
-/// for regions, or else to say what it holds of it.
-[[nodiscard]] SplitBatchMessage redirection_message(SessionId publisher,
-                                                    const RegionSubscription& request,
-                                                    const std::string& why,
-                                                    const ContentHash& content, bool wants_regions);
 
 /// Whether a message may go out, or be believed as far as its own fields tell. Errors: kUnsupported
 /// for another wire version, kInvalidArgument naming the field, what was expected and what was
