@@ -348,8 +348,9 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
   SplitStore store(header);
   NEARMESH_RETURN_IF_ERROR(fill_store(forest, position, boxes, owned, store));
   const TrainingCounts counts = count_typical(header, store);
-  header.tables = tables == TableChoice::kBuiltIn ? nearest_set(counts)
-                                                  : choose_tables(counts, header.split_count());
+  header.tables = tables == TableChoice::kBuiltIn
+                      ? nearest_set(counts, header.lattice_shift)
+                      : choose_tables(counts, header.lattice_shift, header.split_count());
   NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));
 
   return BakedModel{std::move(header), std::move(store), std::move(owned.numbers), std::move(log)};

@@ -30,7 +30,7 @@ Status run(const InfoOptions& options) {
   for (const std::string& doubt : doubts(measures))
     std::fprintf(stderr, "%s: warning: %s\n", options.path.c_str(), doubt.c_str());
   const std::string hash = to_hex(file.value().content_hash());
-  const std::uint32_t set = header.tables.set();
+  const std::uint32_t set = header.tables.set().number;
   const std::string tables = set == 0 ? "own" : coding_sets_data()[set - 1].name;
   if (options.json) {
     nlohmann::ordered_json report = {{"path", options.path},

@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "core/base/output_file.hpp"
+#include "core/spm/open_sharing.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
-#include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
 namespace {
@@ -66,7 +66,7 @@ bool TileNotes::is_whole(const TileNote& note) {
   const std::string tile = WorldFolder::tile_path(world_, note.tile.content);
   std::error_code error;
   if (fs::file_size(tile, error) != note.bytes || error) return false;
-  const Result<ModelFile> file = ModelFile::open(tile);
+  const Result<ModelFile> file = open_sharing(tile, &tables_);
   return file.is_ok() && file.value().content_hash() == note.tile.content &&
          file.value().header().face_count == note.tile.faces && file.value().verify().is_ok();
 }

@@ -9,6 +9,7 @@
 #include <set>
 #include <string>
 
+#include "core/spm/coding_sets.hpp"
 #include "core/world/world_folder.hpp"
 #include "nearmesh/core/base/status.hpp"
 
@@ -37,6 +38,7 @@ class TileNotes {
 
   const std::string world_;
   std::set<ContentHash> whole_;  ///< what was found so
+  SharedTables tables_;          ///< of the tiles that were looked at
 };
 
 }  // namespace nearmesh::program

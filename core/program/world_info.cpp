@@ -9,8 +9,8 @@
 
 #include "commands.hpp"
 #include "core/command/json_text.hpp"
+#include "core/world/open_tiles.hpp"
 #include "core/world/world_folder.hpp"
-#include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
 namespace {
@@ -69,19 +69,14 @@ Result<KnownWorld> read_world(const std::string& path) {
 
 /// A tile's file, its grid, and that all its places hold it. Adds its faces, once a place.
 Status check_tile(const WorldFolder& folder, const ContentHash& content,
-                  const std::vector<WorldEntry>& places, std::uint64_t& faces) {
-  const std::string path = folder.tile_path(content);
-  Result<ModelFile> file = ModelFile::open(path);
+                  const std::vector<WorldEntry>& places, SharedTables& tables,
+                  std::uint64_t& faces) {
+  Result<ModelFile> file = open_tile(folder, content, &tables);
   NEARMESH_RETURN_IF_ERROR(file);
-  const auto wrong = [&path](StatusCode code, const std::string& what) {
-    return Status(code, path + ": " + what);
+  const auto wrong = [&folder, &content](StatusCode code, const std::string& what) {
+    return Status(code, folder.tile_path(content) + ": " + what);
   };
-  if (file.value().content_hash() != content)
-    return wrong(StatusCode::kConflict, "expected the content that its name says, found " +
-                                            to_hex(file.value().content_hash()));
   const SpmHeader& header = file.value().header();
-  if (const Status grid = check_tile_grid(header.grid, folder.world()); !grid.is_ok())
-    return wrong(grid.code(), grid.message());
   NEARMESH_RETURN_IF_ERROR(file.value().check_deep());
   NEARMESH_RETURN_IF_ERROR(file.value().require_all());
   std::array<std::int32_t, 3> reach{};
@@ -169,9 +164,10 @@ Status run(const WorldCheckOptions& options) {
   const Result<KnownWorld> known = read_world(options.path);
   NEARMESH_RETURN_IF_ERROR(known);
   const auto& [folder, box, facts] = known.value();
+  SharedTables tables;
   std::uint64_t faces = 0;
   for (const auto& [content, places] : facts.places)
-    NEARMESH_RETURN_IF_ERROR(check_tile(folder, content, places, faces));
+    NEARMESH_RETURN_IF_ERROR(check_tile(folder, content, places, tables, faces));
   if (faces != folder.world().faces)
     return {StatusCode::kCorrupt, options.path + ": expected " +
                                       std::to_string(folder.world().faces) +

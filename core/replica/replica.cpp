@@ -38,8 +38,8 @@ std::vector<NodeSpan> nodes_outside(const SplitStore& store, std::span<const Reg
 
 Replica::Replica(SpmHeader header) : refined_(std::move(header)), tree_(refined_.mesh()) {}
 
-Result<Replica> Replica::from_header(std::span<const std::uint8_t> bytes) {
-  Result<SpmHeader> header = decode_header(bytes);
+Result<Replica> Replica::from_header(std::span<const std::uint8_t> bytes, SharedTables* shared) {
+  Result<SpmHeader> header = decode_header(bytes, shared);
   NEARMESH_RETURN_IF_ERROR(header);
   try {
     return Replica(std::move(header).value());

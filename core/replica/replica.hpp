@@ -22,8 +22,9 @@ class Replica {
   /// The base mesh. May throw std::bad_alloc: arrays span all ids that a header announces.
   explicit Replica(SpmHeader header);
   /// The same of a header from outside. Errors: those of decode_header; kIo where there is no
-  /// address space.
-  [[nodiscard]] static Result<Replica> from_header(std::span<const std::uint8_t> bytes);
+  /// address space. `shared`: as for decode_header().
+  [[nodiscard]] static Result<Replica> from_header(std::span<const std::uint8_t> bytes,
+                                                   SharedTables* shared = nullptr);
 
   /// Where the time went, seconds of wall clock.
   struct Times {

@@ -40,6 +40,12 @@ class BitWriter {
     put(0, length - 1);
     put(value + 1, length);
   }
+  /// A number below 2^31: how many bits it has, then those below the leading one.
+  void put_count(std::uint32_t value) {
+    const int length = bit_length(value);
+    put(static_cast<std::uint64_t>(length), 5);
+    if (length > 1) put(value, length - 1);
+  }
   void append(const BitWriter& other) {
     for (const std::uint32_t word : other.words_) put(word, 32);
     put(other.pending_, other.pending_bits_);
@@ -123,6 +129,10 @@ class BitReader {
     }
     skip(zeros);
     return get(zeros + 1) - std::uint64_t{1};
+  }
+  std::uint32_t get_count() {
+    const auto length = static_cast<int>(get(5));
+    return length > 1 ? 1U << (length - 1) | get(length - 1) : static_cast<std::uint32_t>(length);
   }
   [[nodiscard]] bool overrun() const { return used_ > bytes_.size() * 8; }
   [[nodiscard]] std::size_t bits_left() const { return overrun() ? 0 : bytes_.size() * 8 - used_; }

@@ -2,6 +2,7 @@
 #include "nearmesh/core/spm/detail/codec.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -91,6 +92,56 @@ class NodesToTell {
   std::vector<bool> told_;
 };
 
+// Nodes that a batch names, ascending and disjoint. Most are whole roots, which the header knows:
+// all of a first answer's are.
+class NodeNames {
+ public:
+  explicit NodeNames(std::span<const BaseRoot> roots) : roots_(roots) {}
+
+  void put(const NodeSpan& node, BitWriter& out) {
+    NEARMESH_ASSERT(node.begin() >= end_ && node.size > 1);
+    const std::size_t next = next_root(), at = root_from(node.begin());
+    const bool is_root = at < roots_.size() && roots_[at].node == node;
+    out.put(is_root ? 1 : 0, 1);
+    if (is_root) {
+      out.put_gamma(at - next);
+    } else {
+      out.put_count(node.begin() - end_);
+      out.put_gamma(node.size - 2);
+    }
+    end_ = node.end();
+  }
+  /// None where it would end beyond the model, or be a single vertex.
+  std::optional<NodeSpan> get(BitReader& in) {
+    NodeSpan node;
+    if (in.get(1) != 0) {
+      const std::uint64_t at = next_root() + in.get_gamma();
+      if (at >= roots_.size()) return std::nullopt;
+      node = roots_[at].node;
+    } else {
+      const std::uint64_t first = std::uint64_t{end_} + in.get_count(), size = in.get_gamma() + 2;
+      if (first + size > roots_.back().node.end()) return std::nullopt;
+      node = {{static_cast<std::uint32_t>(first)}, static_cast<std::uint32_t>(size)};
+    }
+    if (in.overrun() || node.size < 2) return std::nullopt;
+    end_ = node.end();
+    return node;
+  }
+
+ private:
+  /// The first that begins there or later.
+  [[nodiscard]] std::size_t root_from(std::uint32_t begin) const {
+    const auto at = std::lower_bound(
+        roots_.begin(), roots_.end(), begin,
+        [](const BaseRoot& root, std::uint32_t wanted) { return root.node.begin() < wanted; });
+    return static_cast<std::size_t>(at - roots_.begin());
+  }
+  [[nodiscard]] std::size_t next_root() const { return root_from(end_); }
+
+  std::span<const BaseRoot> roots_;
+  std::uint32_t end_ = 0;  // of the last one
+};
+
 // After each half-space a bit says whether another one follows; the last that there can be has
 // none.
 void put_half_spaces(NodesToTell::Group group, BitWriter& out) {
@@ -105,17 +156,18 @@ void put_half_spaces(NodesToTell::Group group, BitWriter& out) {
 
 // One batch under construction.
 struct OpenBatch {
+  explicit OpenBatch(std::span<const BaseRoot> roots) : attached(roots), held_nodes(roots) {}
+
   BitWriter attach, body;
   BitWriter made, held;  // half-spaces: of nodes that the records make, of others
-  std::uint32_t held_count = 0, last_held = 0;
+  NodeNames attached, held_nodes;
+  std::uint32_t held_count = 0;
   bool any_made = false;
-  std::uint32_t attach_count = 0, record_count = 0, last_attach = 0;
+  std::uint32_t attach_count = 0, record_count = 0;
   record::OpenEdges edges;
 
   void add_attach(const NodeSpan& node) {
-    attach.put_gamma(node.begin() - last_attach);
-    attach.put_gamma(node.size - 2);
-    last_attach = node.begin();
+    attached.put(node, attach);
     ++attach_count;
   }
   /// A bit for each node that a record makes and the treelet does not divide, whether there are
@@ -131,12 +183,8 @@ struct OpenBatch {
     }
   }
   void add_held(NodesToTell::Group group) {
-    const NodeSpan node = group.front().node;
-    NEARMESH_ASSERT(node.begin() >= last_held);
-    held.put_gamma(node.begin() - last_held);
-    held.put_gamma(node.size - 2);
+    held_nodes.put(group.front().node, held);
     put_half_spaces(group, held);
-    last_held = node.end();
     ++held_count;
   }
   [[nodiscard]] bool has_half_spaces() const { return any_made || held_count > 0; }
@@ -152,12 +200,11 @@ struct OpenBatch {
   /// Where to cut back to.
   struct Mark {
     std::size_t attach, body, made;
-    std::uint32_t attach_count, last_attach;
+    std::uint32_t attach_count;
     bool any_made;
   };
   [[nodiscard]] Mark mark() const {
-    return {attach.bit_count(), body.bit_count(), made.bit_count(),
-            attach_count,       last_attach,      any_made};
+    return {attach.bit_count(), body.bit_count(), made.bit_count(), attach_count, any_made};
   }
   /// Takes the last record back. `edges` stay as they are: the batch can be finished, no more.
   void take_back(const Mark& mark) {
@@ -165,7 +212,6 @@ struct OpenBatch {
     body.truncate(mark.body);
     made.truncate(mark.made);
     attach_count = mark.attach_count;
-    last_attach = mark.last_attach;
     any_made = mark.any_made;
     --record_count;
   }
@@ -215,14 +261,13 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
                   "split batch: counts exceed its " + std::to_string(in.bytes().size()) + " bytes"};
   BatchHead head{policy, has_half_spaces, static_cast<std::uint32_t>(record_count), {}};
   head.attach.resize(attach_count);
-  std::uint64_t next = 0;
+  NodeNames names(header.roots);
   for (NodeSpan& node : head.attach) {
-    next += in.get_gamma();
-    const std::uint64_t size = in.get_gamma() + 2;
-    if (in.overrun() || next + size > header.vertex_count)
+    const std::optional<NodeSpan> next = names.get(in);
+    if (!next)
       return Status{StatusCode::kCorrupt, "split batch: attach node outside the model's " +
                                               std::to_string(header.vertex_count) + " vertices"};
-    node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
+    node = *next;
   }
   return head;
 }
@@ -282,16 +327,13 @@ Status read_all_half_spaces(const SpmHeader& header, BitReader in, SplitBatch& b
       NEARMESH_RETURN_IF_ERROR(read_half_spaces(record.right(), in, batch.half_spaces));
   }
   const std::uint64_t held_count = in.get_gamma();
-  std::uint64_t next = 0;
+  NodeNames names(header.roots);
   for (std::uint64_t i = 0; i < held_count && !in.overrun(); ++i) {
-    next += in.get_gamma();
-    const std::uint64_t size = in.get_gamma() + 2;
-    if (in.overrun() || next + size > header.vertex_count)
+    const std::optional<NodeSpan> node = names.get(in);
+    if (!node)
       return {StatusCode::kCorrupt, "split batch: half-spaces of a node outside the model's " +
                                         std::to_string(header.vertex_count) + " vertices"};
-    const NodeSpan node{{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
-    NEARMESH_RETURN_IF_ERROR(read_half_spaces(node, in, batch.half_spaces));
-    next += size;
+    NEARMESH_RETURN_IF_ERROR(read_half_spaces(*node, in, batch.half_spaces));
   }
   if (in.overrun()) return {StatusCode::kCorrupt, "split batch: bytes end inside its half-spaces"};
   if (in.bits_left() >= 8)
@@ -313,7 +355,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   std::size_t most = std::min(first_max_bytes, max_bytes);  // of the batch that is open
   NEARMESH_ASSERT(half_spaces.empty() || boxes == BoxPolicy::kCutNodes);
   std::vector<std::vector<std::uint8_t>> batches;
-  OpenBatch open;
+  OpenBatch open(header.roots);
   NodesToTell nodes(half_spaces);
   ExpectedNodes expected(treelet.size());
   std::vector<SplitFace> faces;
@@ -349,7 +391,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       open.take_back(mark);
       batches.push_back(open.finish(boxes));
       most = max_bytes;
-      open = OpenBatch{};
+      open = OpenBatch(header.roots);
       expected.clear();
     }
   }
@@ -359,7 +401,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
     if (!open.is_empty() && with.byte_bound() > most) {
       batches.push_back(open.finish(boxes));
       most = max_bytes;
-      with = OpenBatch{};
+      with = OpenBatch(header.roots);
       with.add_held(group);
     }
     open = std::move(with);

@@ -111,7 +111,7 @@ bool HuffmanTable::derive() {
   return true;
 }
 
-CodingTables::CodingTables(std::vector<HuffmanTable> contexts, std::uint32_t set) {
+CodingTables::CodingTables(std::vector<HuffmanTable> contexts, CodingSet set) {
   std::vector<HuffmanTable::Decoded> fast = fast_table(contexts);
   tables_ = std::make_shared<const Tables>(Tables{std::move(contexts), std::move(fast), set});
 }

@@ -9,15 +9,17 @@
 #include <cstdint>
 
 #include "bits.hpp"
+#include "nearmesh/core/spm/detail/types.hpp"
 
 namespace nearmesh::record {
 
 inline constexpr int kShapeSmall = 0;                // node sizes 3..8, one each
 inline constexpr int kShapeLarge = kShapeSmall + 6;  // six classes of larger nodes
-inline constexpr int kOffset0 = kShapeLarge + 6;     // six levels
-inline constexpr int kOffset1 = kOffset0 + 6;        // twelve classes of the axes before
-inline constexpr int kOffset2 = kOffset1 + 12;
-inline constexpr int kFaceCount = kOffset2 + 12;
+inline constexpr int kOffset0 = kShapeLarge + 6;     // twelve levels
+inline constexpr int kLengthClasses = 24;
+inline constexpr int kOffset1 = kOffset0 + 12;  // by the length on the axes before
+inline constexpr int kOffset2 = kOffset1 + kLengthClasses;
+inline constexpr int kFaceCount = kOffset2 + kLengthClasses;
 inline constexpr int kInLeft = kFaceCount + 1;  // eight classes of side size
 inline constexpr int kInRight = kInLeft + 8;
 // All inner corners of two faces, by the sizes of both sides.
@@ -27,8 +29,8 @@ inline constexpr int kOutside = kCorners + 19;  // 32 kinds of guesses
 inline constexpr int kOutsidePair = kOutside + 32;
 // Known neighbour or the node x below or above x 12 node sizes.
 inline constexpr int kDistance = kOutsidePair + 169;
-inline constexpr int kBox = kDistance + 48;  // six classes of node size x three axes
-inline constexpr int kContextCount = kBox + 18;
+inline constexpr int kBox = kDistance + 48;  // eleven classes of node size x three axes
+inline constexpr int kContextCount = kBox + 33;
 
 // Symbols with a meaning of their own.
 inline constexpr std::uint32_t kLongShape = 120;  // kShapeLarge: the length stands after it
@@ -61,19 +63,20 @@ constexpr std::uint32_t tail_bits(int context, std::uint32_t symbol) {
 }
 
 // Classes of a node's size, by how many bits size - 1 has.
-inline constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, 5>& last_bits) {
+template <std::size_t kCount>
+constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, kCount>& last_bits) {
   std::array<std::int8_t, 33> classes{};
   for (int bits = 0; bits < 33; ++bits)
     for (const int last : last_bits)
       if (bits > last) ++classes[static_cast<std::size_t>(bits)];
   return classes;
 }
-// 2, 3-4, 5-8, 9-16, 17-64, more.
-inline constexpr auto kSmallClasses = classes_of({1, 2, 3, 4, 6});
-// 2, 3-4, 5-8, 9-16, 17-32, more.
-inline constexpr auto kLevelClasses = classes_of({1, 2, 3, 4, 5});
+// 2, 3-4, 5-8, 9-16, 17-64, and so on by fours to 65,536, more.
+inline constexpr auto kBoxClasses = classes_of(std::array{1, 2, 3, 4, 6, 8, 10, 12, 14, 16});
+// 2, 3-4, 5-8, 9-16, 17-32, and so on by fours to 131,072, more.
+inline constexpr auto kLevelClasses = classes_of(std::array{1, 2, 3, 4, 5, 7, 9, 11, 13, 15, 17});
 // 9-16, 17-32, 33-64, 65-512, 513-8192, more.
-inline constexpr auto kLargeClasses = classes_of({4, 5, 6, 9, 13});
+inline constexpr auto kLargeClasses = classes_of(std::array{4, 5, 6, 9, 13});
 inline int class_of(std::uint32_t size, const std::array<std::int8_t, 33>& classes) {
   return classes[static_cast<std::size_t>(index_bits(size))];
 }

@@ -16,7 +16,7 @@ static_assert(std::endian::native == std::endian::little,
               "the .spm reader takes structs as they stand in the file");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
-inline constexpr std::uint32_t kVersion = 7;
+inline constexpr std::uint32_t kVersion = 8;
 /// Of any version.
 inline constexpr FileKind kModelFile{"a nearmesh model (.spm)", {kMagic.data(), kMagic.size()}};
 

@@ -16,20 +16,12 @@
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4836;  // "NMH6"
+constexpr int kScaleBits = 5;
+static_assert(CodingSet::kMaxScale - CodingSet::kMinScale < 1 << kScaleBits);
+
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4837;  // "NMH7"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
-
-// A number below 2^31: how many bits it has, then those below the leading one.
-void write_count(BitWriter& out, std::uint32_t x) {
-  const int length = bit_length(x);
-  out.put(static_cast<std::uint64_t>(length), 5);
-  if (length > 1) out.put(x, length - 1);
-}
-std::uint32_t read_count(BitReader& in) {
-  const auto length = static_cast<int>(in.get(5));
-  return length > 1 ? 1U << (length - 1) | in.get(length - 1) : static_cast<std::uint32_t>(length);
-}
 
 // In the place of a length of whole cells: the cells to the origin of a lattice that the model
 // shares come first.
@@ -180,6 +172,29 @@ struct CornerCoding {
   explicit CornerCoding(std::size_t roots) : root_bits(bit_length(roots - 1)) {}
 };
 
+void write_coding(BitWriter& out, const CodingTables& tables) {
+  const CodingSet set = tables.set();
+  out.put_gamma(set.number);
+  if (set.number == 0) return write_tables(out, tables);
+  out.put(static_cast<std::uint32_t>(set.scale - CodingSet::kMinScale), kScaleBits);
+}
+
+Status read_coding(BitReader& in, SharedTables* shared, SpmHeader& header) {
+  const std::uint64_t number = in.get_gamma();
+  if (number > coding_set_count())
+    return corrupt("coding tables: built-in set " + std::to_string(number) + " of " +
+                   std::to_string(coding_set_count()));
+  CodingSet set{static_cast<std::uint32_t>(number)};
+  if (number != 0) set.scale = static_cast<int>(in.get(kScaleBits)) + CodingSet::kMinScale;
+  std::optional<CodingTables> tables = number == 0 ? read_tables(in)
+                                       : shared != nullptr
+                                           ? shared->coding_set(set, header.lattice_shift)
+                                           : coding_set(set, header.lattice_shift);
+  if (!tables) return corrupt("coding table is not a prefix code");
+  header.tables = std::move(*tables);
+  return Status::ok();
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
@@ -195,11 +210,11 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
   out.put(header.rounding_error_m != 0 ? 1 : 0, 1);
   if (header.rounding_error_m != 0)
     out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
-  write_count(out, header.face_count);
+  out.put_count(header.face_count);
   out.put_gamma(header.base_faces.size());
   out.put_gamma(header.roots.size() - 1);
   for (const BaseRoot& root : header.roots) {
-    write_count(out, root.node.size);
+    out.put_count(root.node.size);
     for (int k = 0; k < 3; ++k)
       out.put(static_cast<std::uint32_t>(root.position[k]) >> header.lattice_shift[k],
               header.grid.bits - header.lattice_shift[k]);
@@ -225,12 +240,11 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
     }
   }
   write_surface(out, header);
-  out.put_gamma(header.tables.set());
-  if (header.tables.set() == 0) write_tables(out, header.tables);
+  write_coding(out, header.tables);
   return std::move(out).finish();
 }
 
-Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
+Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes, SharedTables* shared) {
   const FloatGuard guard;
   if (bytes.size() > kMaxHeaderBytes)
     return corrupt("size: at most " + std::to_string(kMaxHeaderBytes) + " bytes expected, found " +
@@ -246,7 +260,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   for (std::uint8_t& shift : header.lattice_shift) shift = static_cast<std::uint8_t>(in.get(5));
   for (std::size_t k = 0; k < 3; ++k) NEARMESH_RETURN_IF_ERROR(read_origin(in, header.grid, k));
   if (in.get(1) != 0) header.rounding_error_m = std::bit_cast<double>(in.get64());
-  header.face_count = read_count(in);
+  header.face_count = in.get_count();
   const std::uint64_t base_face_count = in.get_gamma();
   const std::uint64_t root_count = in.get_gamma() + 1;
   for (const double x : header.grid.origin_m)
@@ -269,7 +283,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
 
   for (std::uint64_t i = 0; i < root_count && !in.overrun(); ++i) {
     BaseRoot root;
-    const std::uint32_t size = read_count(in);
+    const std::uint32_t size = in.get_count();
     if (size == 0) return corrupt("a root without vertices");
     if (std::uint64_t{header.vertex_count} + size >= kMaxVertices)
       return corrupt("vertex count: roots of " + std::to_string(kMaxVertices) + " and more");
@@ -303,16 +317,9 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   }
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(check_base_faces(header));
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
-  const std::uint64_t set = in.get_gamma();
-  if (set > coding_set_count())
-    return corrupt("coding tables: built-in set " + std::to_string(set) + " of " +
-                   std::to_string(coding_set_count()));
-  std::optional<CodingTables> tables =
-      set == 0 ? read_tables(in) : coding_set(static_cast<std::uint32_t>(set));
-  if (!tables) return corrupt("coding table is not a prefix code");
+  NEARMESH_RETURN_IF_ERROR(read_coding(in, shared, header));
   if (in.overrun() || in.bits_left() >= 8)
     return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
-  header.tables = std::move(*tables);
   return header;
 }
 

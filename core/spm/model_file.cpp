@@ -19,6 +19,7 @@
 #include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "file_layout.hpp"
+#include "open_sharing.hpp"
 
 namespace nearmesh {
 
@@ -64,7 +65,7 @@ struct ModelFile::Impl {
   Status open();
   Status read(std::uint64_t offset, void* bytes, std::uint64_t count) const;
   Status read_preamble();
-  Status read_header();
+  Status read_header(SharedTables* shared);
   Status read_origin();
   Status read_directory();
   [[nodiscard]] Status check_directory();
@@ -146,10 +147,10 @@ Status ModelFile::Impl::read_preamble() {
   return Status::ok();
 }
 
-Status ModelFile::Impl::read_header() {
+Status ModelFile::Impl::read_header(SharedTables* shared) {
   header_bytes.resize(preamble.header_bytes);
   NEARMESH_RETURN_IF_ERROR(read(sizeof(Preamble), header_bytes.data(), header_bytes.size()));
-  Result<SpmHeader> decoded = decode_header(header_bytes);
+  Result<SpmHeader> decoded = decode_header(header_bytes, shared);
   if (!decoded.is_ok()) return corrupt(decoded.status().message());
   header = std::move(decoded).value();
   if (header.content != preamble.content_hash)
@@ -275,12 +276,14 @@ ModelFile::ModelFile(ModelFile&&) noexcept = default;
 ModelFile& ModelFile::operator=(ModelFile&&) noexcept = default;
 ModelFile::~ModelFile() = default;
 
-Result<ModelFile> ModelFile::open(const std::string& path) {
-  auto impl = std::make_unique<Impl>();
+Result<ModelFile> ModelFile::open(const std::string& path) { return open_sharing(path, nullptr); }
+
+Result<ModelFile> open_sharing(const std::string& path, SharedTables* shared) {
+  auto impl = std::make_unique<ModelFile::Impl>();
   impl->path = path;
   NEARMESH_RETURN_IF_ERROR(impl->open());
   NEARMESH_RETURN_IF_ERROR(impl->read_preamble());
-  NEARMESH_RETURN_IF_ERROR(impl->read_header());
+  NEARMESH_RETURN_IF_ERROR(impl->read_header(shared));
   NEARMESH_RETURN_IF_ERROR(impl->read_origin());
   try {
     NEARMESH_RETURN_IF_ERROR(impl->read_directory());

@@ -382,7 +382,7 @@ template <class Coder>
 /// The box of a node of this size.
 template <class Coder>
 void code_box(Coder& coder, std::uint32_t size, BoxCode& box) {
-  const int context = kBox + class_of(size, kSmallClasses) * 3;
+  const int context = kBox + class_of(size, kBoxClasses) * 3;
   std::uint32_t greatest = 0;
 #pragma GCC unroll 6
   for (std::size_t k = 0; k < 6; ++k) {
@@ -421,9 +421,9 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   const int length0 =
       code_offset(coder, kOffset0 + class_of(node.size, kLevelClasses), header.lattice_shift[0],
                   kUnusualFaces, unusual, record.offset[0]);
-  const int length1 = code_offset(coder, kOffset1 + std::min(length0 / 2, 11),
+  const int length1 = code_offset(coder, kOffset1 + std::min(length0, kLengthClasses - 1),
                                   header.lattice_shift[1], 0, none, record.offset[1]);
-  code_offset(coder, kOffset2 + std::min(std::max(length0, length1) / 2, 11),
+  code_offset(coder, kOffset2 + std::min(std::max(length0, length1), kLengthClasses - 1),
               header.lattice_shift[2], 0, none, record.offset[2]);
 
   if (unusual == 0) [[likely]] {

@@ -5,11 +5,13 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "coding_sets.hpp"
 #include "make_record.hpp"
 #include "record_codec.hpp"
+#include "set_places.hpp"
 
 namespace nearmesh {
 
@@ -47,51 +49,95 @@ CodingTables make_tables(const TrainingCounts& counts, std::uint64_t table_split
   return CodingTables(std::move(contexts));
 }
 
-std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables) {
+namespace {
+
+/// Of a symbol where its code has so many bits, none: it is written after the escape.
+std::uint64_t bits_of_symbol(int context, std::uint32_t symbol, std::uint32_t code_bits,
+                             std::uint32_t escape_bits) {
+  return (code_bits != 0 ? code_bits : escape_bits + record::kEscapedBits) +
+         record::tail_bits(context, symbol);
+}
+
+/// What was counted, without what was not.
+struct Counted {
+  int context = 0;
+  std::uint32_t symbol = 0;
+  std::uint64_t count = 0;
+};
+std::vector<Counted> all_counted(const TrainingCounts& counts) {
+  std::vector<Counted> counted;
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol)
+      if (counts[i][symbol] > 0)
+        counted.push_back({static_cast<int>(i), symbol, counts[i][symbol]});
+  return counted;
+}
+
+/// The same for a set at a scale, whose tables are not made for it.
+std::uint64_t coded_bits(std::span<const Counted> counted, const CodeLengths& lengths,
+                         const record::SetPlaces& places) {
   std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    const HuffmanTable& table = tables.contexts()[i];
-    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol) {
-      const std::uint32_t own = table.codes[symbol].length;
-      const std::uint32_t code =
-          own != 0 ? own : table.codes[kEscape].length + record::kEscapedBits;
-      bits += counts[i][symbol] * (code + record::tail_bits(static_cast<int>(i), symbol));
-    }
+  for (const auto& [context, symbol, count] : counted) {
+    const auto& own = lengths[static_cast<std::size_t>(places.context(context))];
+    bits +=
+        count * bits_of_symbol(context, symbol, own[places.symbol(context, symbol)], own[kEscape]);
   }
   return bits;
 }
 
-namespace {
-
-/// Of no number where no set is of this codec.
-CodingTables find_nearest_set(const TrainingCounts& counts, std::uint64_t& least) {
+/// No number where no set is of this codec.
+CodingSet find_nearest_set(const TrainingCounts& counts,
+                           const std::array<std::uint8_t, 3>& lattice_shift, std::uint64_t& least) {
   least = std::numeric_limits<std::uint64_t>::max();
-  CodingTables nearest;
+  CodingSet nearest;
   for (std::uint32_t number = 1; number <= coding_set_count(); ++number) {
-    const std::optional<CodingTables> set = coding_set(number);
-    if (!set) continue;
-    if (const std::uint64_t bits = coded_bits(counts, *set); bits < least) {
-      least = bits;
-      nearest = *set;
-    }
+    const std::optional<CodeLengths>& lengths = set_lengths(number);
+    if (!lengths) continue;
+    const ScaleFit fit = fit_scale(counts, lattice_shift, *lengths);
+    if (fit.bits >= least) continue;
+    least = fit.bits;
+    nearest = {number, fit.scale};
   }
   return nearest;
 }
 
 }  // namespace
 
-CodingTables nearest_set(const TrainingCounts& counts) {
-  std::uint64_t least = 0;
-  CodingTables nearest = find_nearest_set(counts, least);
-  return nearest.set() == 0 ? make_tables(counts) : nearest;
+std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables) {
+  std::uint64_t bits = 0;
+  for (const auto& [context, symbol, count] : all_counted(counts)) {
+    const HuffmanTable& table = tables.contexts()[static_cast<std::size_t>(context)];
+    bits += count * bits_of_symbol(context, symbol, table.lengths[symbol], table.lengths[kEscape]);
+  }
+  return bits;
 }
 
-CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count) {
+ScaleFit fit_scale(const TrainingCounts& counts, const std::array<std::uint8_t, 3>& lattice_shift,
+                   const CodeLengths& lengths) {
+  const std::vector<Counted> counted = all_counted(counts);
+  ScaleFit best{0, std::numeric_limits<std::uint64_t>::max()};
+  for (int scale = CodingSet::kMinScale; scale <= CodingSet::kMaxScale; ++scale)
+    if (const std::uint64_t bits = coded_bits(counted, lengths, {scale, lattice_shift});
+        bits < best.bits)
+      best = {scale, bits};
+  return best;
+}
+
+CodingTables nearest_set(const TrainingCounts& counts,
+                         const std::array<std::uint8_t, 3>& lattice_shift) {
+  std::uint64_t least = 0;
+  const CodingSet nearest = find_nearest_set(counts, lattice_shift, least);
+  return nearest.number == 0 ? make_tables(counts) : *coding_set(nearest, lattice_shift);
+}
+
+CodingTables choose_tables(const TrainingCounts& counts,
+                           const std::array<std::uint8_t, 3>& lattice_shift,
+                           std::uint32_t split_count) {
   CodingTables own = make_tables(counts);
   const std::uint64_t own_bits = coded_bits(counts, own);
   std::uint64_t least = 0;
-  CodingTables nearest = find_nearest_set(counts, least);
-  if (nearest.set() == 0) return own;
+  const CodingSet nearest = find_nearest_set(counts, lattice_shift, least);
+  if (nearest.number == 0) return own;
   BitWriter written;
   write_tables(written, own);
   // Both sides times own_bits.
@@ -100,7 +146,7 @@ CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_cou
   const std::uint64_t loaded = std::min(kChosenForBytes * 8, whole);
   const bool is_own_dearer =
       least <= own_bits || (least - own_bits) * loaded <= written.bit_count() * own_bits;
-  return is_own_dearer ? nearest : own;
+  return is_own_dearer ? *coding_set(nearest, lattice_shift) : own;
 }
 
 int coding_context_count() { return record::kContextCount; }

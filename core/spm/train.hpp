@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "coding_sets.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 
 namespace nearmesh {
@@ -32,17 +33,30 @@ inline constexpr std::uint64_t kTableSplits = 20'000;
 /// Bits that coding what was counted takes, with what follows each symbol in any case.
 [[nodiscard]] std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables);
 
+/// At which scale a set codes what was counted in a model of such a lattice best, and in how many
+/// bits.
+struct ScaleFit {
+  int scale = 0;
+  std::uint64_t bits = 0;
+};
+[[nodiscard]] ScaleFit fit_scale(const TrainingCounts& counts,
+                                 const std::array<std::uint8_t, 3>& lattice_shift,
+                                 const CodeLengths& lengths);
+
 /// A built-in set makes a model's answers larger than its own tables would, and its header smaller
 /// by these. A peer that loads so many bytes of answers is to receive the fewest
 /// (core/spm/README.md).
 inline constexpr std::uint64_t kChosenForBytes = 16'384;
-/// The built-in set that codes the counts best; tables of the model's own where these are worth
-/// their place in the header. In: what was counted in a model of so many splits: nobody loads more
-/// than all of them.
-[[nodiscard]] CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count);
+/// The built-in set, at the scale, that codes the counts best; tables of the model's own where they
+/// are worth their place in the header. In: what was counted in a model of so many splits: nobody
+/// loads more than all of them.
+[[nodiscard]] CodingTables choose_tables(const TrainingCounts& counts,
+                                         const std::array<std::uint8_t, 3>& lattice_shift,
+                                         std::uint32_t split_count);
 /// The built-in set alone: for many models of one kind, of which a peer holds headers and tables of
 /// several. Own tables only where no set is of this codec.
-[[nodiscard]] CodingTables nearest_set(const TrainingCounts& counts);
+[[nodiscard]] CodingTables nearest_set(const TrainingCounts& counts,
+                                       const std::array<std::uint8_t, 3>& lattice_shift);
 
 /// How many contexts the codec has.
 [[nodiscard]] int coding_context_count();

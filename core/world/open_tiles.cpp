@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "core/spm/open_sharing.hpp"
+
 namespace nearmesh {
 namespace {
 
@@ -21,9 +23,10 @@ OpenTiles::OpenTiles(const WorldFolder& folder, std::size_t most_tiles, std::siz
       most_tiles_(std::min(most_tiles, half_of_descriptors())),
       most_splits_(most_splits) {}
 
-Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content) {
+Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content,
+                            SharedTables* shared) {
   const std::string path = folder.tile_path(content);
-  Result<ModelFile> file = ModelFile::open(path);
+  Result<ModelFile> file = open_sharing(path, shared);
   NEARMESH_RETURN_IF_ERROR(file);
   if (file.value().content_hash() != content)
     return Status(StatusCode::kConflict, path +
@@ -42,7 +45,7 @@ Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
     std::shared_ptr<ModelFile> tile;
     if (const auto held = held_.extract(content)) tile = held.mapped().lock();
     if (tile == nullptr) {
-      Result<ModelFile> file = open_tile(folder_, content);
+      Result<ModelFile> file = open_tile(folder_, content, &tables_);
       NEARMESH_RETURN_IF_ERROR(file);
       tile = std::make_shared<ModelFile>(std::move(file).value());
     }

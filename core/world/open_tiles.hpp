@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/spm/coding_sets.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "world_folder.hpp"
 
@@ -15,7 +16,8 @@ namespace nearmesh {
 
 /// Errors: those of opening, kConflict (another content than its name says, or no tile of this
 /// world), naming the file.
-[[nodiscard]] Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content);
+[[nodiscard]] Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content,
+                                          SharedTables* shared = nullptr);
 
 class OpenTiles {
  public:
@@ -43,6 +45,7 @@ class OpenTiles {
   using Tiles = std::list<std::pair<ContentHash, std::shared_ptr<ModelFile>>>;
   Tiles tiles_;  // the last used first
   std::map<ContentHash, Tiles::iterator> by_content_;
+  SharedTables tables_;
   std::map<ContentHash, std::weak_ptr<ModelFile>> held_;  // no longer used here, but by others
 };
 

@@ -55,6 +55,7 @@ struct WorldProbe::Impl {
   std::map<ContentHash, WorldPage> pages;
   std::list<std::pair<ContentHash, Tile>> tiles;  // the last used first
   std::map<ContentHash, decltype(tiles)::iterator> by_content;
+  SharedTables tables;
 
   Result<const WorldPage*> page(const WorldEntry& entry, int level) {
     // Another walk may have come to it by another entry, not all of which need be true: whatever is
@@ -96,7 +97,7 @@ struct WorldProbe::Impl {
       tiles.splice(tiles.begin(), tiles, at->second);
       return &tiles.front().second;
     }
-    Result<ModelFile> file = open_tile(folder, content);
+    Result<ModelFile> file = open_tile(folder, content, &tables);
     NEARMESH_RETURN_IF_ERROR(file);
     while (tiles.size() >= most_tiles) {
       by_content.erase(tiles.back().first);

@@ -23,7 +23,7 @@ typedef nearmesh_wire_types_ContactReportSample Report;
 
 enum {
   kWireVersion =
-      14,  // of the nearmesh.idl that this was written for: nearmesh-subscriber --version
+      15,  // of the nearmesh.idl that this was written for: nearmesh-subscriber --version
   kNumbersOfMotion = 19,  // time, rotation (9), translation (3), linear and angular velocity
   kNumbersOfPose = 12,    // rotation (9), translation (3)
   kBodiesOfPart = 7,

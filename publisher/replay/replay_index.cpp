@@ -211,7 +211,7 @@ void ReplayIndex::take_hello(std::int64_t id, const RecordedMessage& message) {
 void ReplayIndex::add_detail(const RecordedMessage& message) {
   const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr);
   if (!plays_batches_ || !header.is_ok() || details_.contains(header.value().content_hash)) return;
-  if (auto decoded = decode_header(header.value().bytes); decoded.is_ok())
+  if (auto decoded = decode_header(header.value().bytes, &tables_); decoded.is_ok())
     details_.emplace(header.value().content_hash, std::move(decoded).value());
 }
 

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/spm/coding_sets.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "replay_detail.hpp"
@@ -95,6 +96,7 @@ class ReplayIndex {
   std::vector<std::uint32_t> stream_of_writer_;
   std::set<wire::SessionId> publishers_, peers_;
   std::map<wire::SessionId, std::uint32_t> hello_stream_;
+  SharedTables tables_;  // of these, since those of a world are many
   std::map<ContentHash, RecordedDetail> details_;
   std::map<std::pair<std::uint32_t, std::string>, Latch> latches_;  // by stream and key
   // By the peer's partition and content.

@@ -216,7 +216,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
     model->header = header;
     return message.bytes.size();
   }
-  Result<Replica> replica = Replica::from_header(message.bytes);
+  Result<Replica> replica = Replica::from_header(message.bytes, &tables_);
   if (!replica.is_ok()) {
     refuse(*model, header, replica.status(), complaints);
     return 0;

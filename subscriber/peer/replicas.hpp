@@ -16,6 +16,7 @@
 #include "core/base/lru_map.hpp"
 #include "core/broadphase/body_bounds.hpp"
 #include "core/replica/replica.hpp"
+#include "core/spm/coding_sets.hpp"
 #include "detail_cache.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "peer_world.hpp"
@@ -217,6 +218,7 @@ class ReplicaSet {
   [[nodiscard]] bool has_room_for(const wire::MeshHeader& header) const;
 
   std::string cache_folder_;                // none: nothing is kept
+  SharedTables tables_;                     // of the tiles of worlds, which are alike
   std::map<ContentHash, Spare> unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
   std::uint64_t spares_that_came_ = 0;

@@ -37,7 +37,7 @@ bool DetailFolder::lend(const ContentHash& content_hash,
                         const std::function<void(ModelFile&)>& use) {
   if (models_->lend(content_hash, use)) return true;
   for (const WorldFolder& world : worlds_) {
-    Result<ModelFile> tile = open_tile(world, content_hash);
+    Result<ModelFile> tile = open_tile(world, content_hash, &tables_);
     if (!tile.is_ok()) continue;
     use(tile.value());
     return true;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/spm/coding_sets.hpp"
 #include "core/spm/model_folder.hpp"
 #include "core/world/world_folder.hpp"
 
@@ -36,6 +37,7 @@ class DetailFolder {
 
   std::unique_ptr<ModelFolder> models_;
   std::vector<WorldFolder> worlds_;
+  SharedTables tables_;  // of their tiles
   std::vector<std::string> complaints_;
 };
 

@@ -10,7 +10,8 @@ void ModelSources::take(const wire::MeshHeader& header) {
   if (is_world_record(header.bytes)) {
     if (auto record = decode_world(header.bytes); record.is_ok())
       worlds_.try_emplace(header.content_hash, record.value(), header.name);
-  } else if (!headers_.contains(header.content_hash) && decode_header(header.bytes).is_ok()) {
+  } else if (!headers_.contains(header.content_hash) &&
+             decode_header(header.bytes, &tables_).is_ok()) {
     headers_.emplace(header.content_hash, header.bytes);
   }
 }
@@ -26,7 +27,7 @@ void ModelSources::take_piece(const wire::SplitBatchMessage& message) {
   unread_.erase(at);
   if (Result<WorldPage> page = decode_page(*bytes.value()); page.is_ok()) {
     pages_.emplace(content, std::move(page).value());
-  } else if (decode_header(*bytes.value()).is_ok()) {
+  } else if (decode_header(*bytes.value(), &tables_).is_ok()) {
     headers_.emplace(content, std::move(*bytes.value()));
   }
 }
@@ -34,7 +35,7 @@ void ModelSources::take_piece(const wire::SplitBatchMessage& message) {
 std::optional<SpmHeader> ModelSources::header(const ContentHash& content) const {
   const auto at = headers_.find(content);
   if (at == headers_.end()) return std::nullopt;
-  return decode_header(at->second).value();
+  return decode_header(at->second, &tables_).value();
 }
 
 const WorldRecord* ModelSources::world(const ContentHash& content) const {

@@ -14,7 +14,7 @@ void RecordedBounds::take(const wire::MeshHeader& header) {
     if (auto record = decode_world(header.bytes); record.is_ok())
       worlds_.try_emplace(record.value().root, World{header.content_hash, record.value(),
                                                      ContentReader(record.value().root)});
-  } else if (auto model = decode_header(header.bytes); model.is_ok()) {
+  } else if (auto model = decode_header(header.bytes, &tables_); model.is_ok()) {
     const SplitStore store(model.value());
     bounds_.emplace(header.content_hash, ModelBounds(model.value().grid, store));
   }

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "core/broadphase/body_place.hpp"
+#include "core/spm/coding_sets.hpp"
 #include "core/world/content_bytes.hpp"
 #include "core/world/page.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
@@ -27,6 +28,7 @@ class RecordedBounds {
     WorldRecord record;
     ContentReader reader;
   };
+  SharedTables tables_;  // of the headers that were read
   std::map<ContentHash, ModelBounds> bounds_;
   std::map<ContentHash, World> worlds_;  // whose first page has not come, by that
 };

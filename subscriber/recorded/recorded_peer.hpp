@@ -16,6 +16,7 @@
 
 #include "core/query/answer.hpp"
 #include "core/replica/replica.hpp"
+#include "core/spm/coding_sets.hpp"
 #include "core/world/content_bytes.hpp"
 #include "core/world/tile_sum.hpp"
 #include "detail_folder.hpp"
@@ -60,7 +61,8 @@ class ModelSources {
   [[nodiscard]] const WorldPage* page(const ContentHash& content) const;
 
  private:
-  std::map<ContentHash, std::vector<std::uint8_t>> headers_;  // as they travel: tables are large
+  std::map<ContentHash, std::vector<std::uint8_t>> headers_;  // as they travel
+  mutable SharedTables tables_;                               // of those that are in use
   std::map<ContentHash, std::pair<WorldRecord, std::string>> worlds_;
   std::map<ContentHash, WorldPage> pages_;
   std::map<ContentHash, ContentReader> unread_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "core/spm/coding_sets.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 
@@ -72,6 +73,7 @@ Result<Survey> survey(RecordingReader& recording) {
   survey.topics.resize(recording.topics().size());
   survey.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
   CertifiedTimes open;
+  SharedTables tables;
   MissedSamples missed(recording, samples);
   const auto take = [&](std::int64_t, const RecordedMessage& message) {
     const std::uint32_t topic = recording.writers()[message.writer].topic;
@@ -99,7 +101,7 @@ Result<Survey> survey(RecordingReader& recording) {
     } else if (const auto status = samples.read<wire::ProcessStatus>(message)) {
       if (!status->name.empty()) survey.names[status->session] = status->name;
     } else if (const auto header = samples.read<wire::MeshHeader>(message)) {
-      if (const auto decoded = decode_header(header->bytes); decoded.is_ok())
+      if (const auto decoded = decode_header(header->bytes, &tables); decoded.is_ok())
         survey.models[header->content_hash] = {header->name, decoded.value().face_count};
     }
     return true;

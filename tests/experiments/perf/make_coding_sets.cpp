@@ -5,11 +5,14 @@
 //                                          with the model's own tables
 // DATA is the folder of test meshes. To be run when the codec's contexts change, or what is
 // counted: the sets are then of no use, or not the best. A set's tables are those of its meshes'
-// counts, each mesh weighing the same. In `costs` each mesh is left out of its own set, so that the
-// figure is that of a mesh that nobody has seen.
+// counts, each mesh weighing the same, moved to one length of offsets (core/spm/set_places.hpp). In
+// `costs` each mesh is left out of its own set, so that the figure is that of a mesh that nobody
+// has seen.
 
 #include <algorithm>
+#include <array>
 #include <cinttypes>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -20,6 +23,7 @@
 
 #include "core/bake/count_typical.hpp"
 #include "core/spm/coding_sets.hpp"
+#include "core/spm/set_places.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -36,20 +40,21 @@ struct SetOfMeshes {
   std::vector<const char*> meshes;
 };
 
-// Meshes are alike where the same symbols are frequent: by how regular their faces are, and, on a
-// regular ground, by how many cells of height an edge has. There a set serves two powers of two.
+// Meshes are alike where the same symbols are frequent, but for how long offsets are: by how
+// regular their faces are, and how they lie.
 const std::vector<SetOfMeshes>& sets() {
   static const std::vector<SetOfMeshes> all{
-      {"terrain of 8192 cells an edge",
-       {"terrain 70 42", "terrain 100 3", "terrain 180 5", "terrain 224 42"}},
-      {"terrain of 2048 cells an edge",
-       {"terrain 256 42", "terrain 300 7", "terrain 600 3", "terrain 708 1", "terrain 1000 2"}},
-      {"terrain of 512 cells an edge", {"terrain 1024 42", "terrain 1600 9", "terrain 2236 1"}},
+      {"terrain",
+       {"terrain 70 42", "terrain 100 3", "terrain 180 5", "terrain 224 42", "terrain 256 42",
+        "terrain 300 7", "terrain 600 3", "terrain 708 1", "terrain 1000 2", "terrain 1024 42",
+        "terrain 1600 9", "terrain 2236 1"}},
       {"elevation", {"terrain/jacksboro_fault_dem.pgm", "terrain/srtm3_N00E010.pgm"}},
       {"scan",
        {"scans/armadillo_86k.obj", "scans/camelhead.off", "scans/dragon_vrip_res3.ply",
         "scans/dragon_vrip_res4.ply", "scans/fertility.off", "scans/lucy_20k.ply",
-        "scans/stanford_bunny.obj", "tools/screwdriver.off", "tools/wingnut.obj"}},
+        "scans/stanford_bunny.obj", "tools/screwdriver.off", "tools/wingnut.obj",
+        "scans/armadillo_346k_loop.ply", "cad/counter.unitsmm.STL", "tools/hammer.obj",
+        "tools/sword.obj", "vehicles/beetle_alt.obj", "vehicles/boat.obj", "vehicles/plane.obj"}},
       {"cad",
        {"cad/cycloidal.ply", "cad/octagonal_pocket.ply", "cad/round.stl",
         "cad/1002_tray_bottom.STL", "cad/ADIS16480.STL", "cad/angle_block.STL",
@@ -57,10 +62,6 @@ const std::vector<SetOfMeshes>& sets() {
         "assembly/factory_rectangular_peg_8mm_loose_subdiv_3x.obj",
         "assembly/factory_round_hole_8mm_subdiv_3x.obj", "assembly/factory_round_peg_8mm_loose.obj",
         "vehicles/boeing.off"}},
-      {"fine",
-       {"scans/armadillo_346k_loop.ply", "cad/counter.unitsmm.STL", "tools/hammer.obj",
-        "tools/sword.obj", "vehicles/beetle_alt.obj", "vehicles/boat.obj", "vehicles/plane.obj",
-        "assembly/factory_bolt_m16_loose.obj"}},
       {"small",
        {"cad/ballA.off", "cad/quadknot.obj", "cad/torus.STL", "vehicles/truck.obj",
         "assembly/factory_nut_m16_loose_subdiv_3x.obj", "robot/ur5/collision/base.stl",
@@ -131,7 +132,25 @@ struct Counted {
   std::string name;
   std::size_t set = 0;
   TrainingCounts counts;
+  std::array<std::uint8_t, 3> lattice_shift{};
+  int scale = 0;
 };
+
+/// Where sets are at home: there offsets have so many bits in the mean.
+constexpr double kHomeBits = 8;
+
+// A first estimate; fit_scale() knows better once there is a set.
+int scale_by_mean(const TrainingCounts& counts) {
+  double sum = 0, count = 0;
+  for (std::size_t i = record::kOffset0; i < record::kFaceCount; ++i)
+    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol)
+      if (const std::uint32_t bits = record::tail_bits(static_cast<int>(i), symbol); bits > 0) {
+        sum += static_cast<double>(counts[i][symbol]) * bits;
+        count += static_cast<double>(counts[i][symbol]);
+      }
+  const double mean = count > 0 ? sum / count : kHomeBits;
+  return static_cast<int>(std::lround(mean - kHomeBits));
+}
 
 Counted count_mesh(const std::string& data, const std::string& name, std::size_t set) {
   const Result<CleanResult> clean = clean_mesh(mesh_of(data, name));
@@ -139,7 +158,27 @@ Counted count_mesh(const std::string& data, const std::string& name, std::size_t
   const Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {});
   if (!baked.is_ok()) fail(name + ": " + baked.status().message());
-  return {name, set, count_typical(baked.value().header, baked.value().store)};
+  Counted counted{name, set, count_typical(baked.value().header, baked.value().store),
+                  baked.value().header.lattice_shift};
+  counted.scale = scale_by_mean(counted.counts);
+  return counted;
+}
+
+// What is home to no mesh may be home to another one: it is as its neighbours are.
+void fill_gaps(TrainingCounts& counts) {
+  const auto is_empty = [&](int context) {
+    const auto& symbols = counts[static_cast<std::size_t>(context)];
+    return std::all_of(symbols.begin(), symbols.end(), [](std::uint64_t n) { return n == 0; });
+  };
+  for (const int first : {record::kOffset1 + 1, record::kOffset2 + 1}) {
+    const int end = first - 1 + record::kLengthClasses;
+    for (int at = first + 1; at < end; ++at)
+      if (is_empty(at))
+        counts[static_cast<std::size_t>(at)] = counts[static_cast<std::size_t>(at) - 1];
+    for (int at = end - 2; at >= first; --at)
+      if (is_empty(at))
+        counts[static_cast<std::size_t>(at)] = counts[static_cast<std::size_t>(at) + 1];
+  }
 }
 
 CodingTables pooled(const std::vector<Counted>& all, std::size_t set, const Counted* left_out) {
@@ -148,12 +187,31 @@ CodingTables pooled(const std::vector<Counted>& all, std::size_t set, const Coun
   for (const Counted& one : all) {
     if (one.set != set || &one == left_out) continue;
     const std::uint64_t records = count_records(one.counts);
-    for (std::size_t i = 0; i < sum.size(); ++i)
-      for (std::size_t symbol = 0; symbol < kSymbolLimit; ++symbol)
-        sum[i][symbol] += (one.counts[i][symbol] * kWeight + records / 2) / records;
+    const record::SetPlaces places(one.scale, one.lattice_shift);
+    for (int i = 0; i < coding_context_count(); ++i)
+      for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol)
+        sum[static_cast<std::size_t>(places.context(i))][places.symbol(i, symbol)] +=
+            (one.counts[static_cast<std::size_t>(i)][symbol] * kWeight + records / 2) / records;
   }
+  fill_gaps(sum);
   // Nobody receives these tables, so that rare symbols have codes too.
   return make_tables(sum, 10 * kTableSplits);
+}
+
+CodeLengths lengths_of(const CodingTables& tables) {
+  CodeLengths lengths;
+  for (const HuffmanTable& table : tables.contexts()) lengths.push_back(table.lengths);
+  return lengths;
+}
+
+// Each mesh to the scale at which the others of its set code it best.
+void align(std::vector<Counted>& all) {
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round)
+    for (Counted& one : all)
+      if (sets()[one.set].meshes.size() > 1)
+        one.scale =
+            fit_scale(one.counts, one.lattice_shift, lengths_of(pooled(all, one.set, &one))).scale;
 }
 
 std::uint64_t written_bits(const CodingTables& tables) {
@@ -207,9 +265,11 @@ void print_costs(const std::vector<Counted>& all) {
     std::printf("%s,%s,%" PRIu64, one.name.c_str(), sets()[one.set].name,
                 (written_bits(own) + 7) / 8);
     for (std::size_t set = 0; set < sets().size(); ++set)
-      std::printf(
-          ",%.1f",
-          100 * (static_cast<double>(coded_bits(one.counts, pooled(all, set, &one))) / least - 1));
+      std::printf(",%.1f", 100 * (static_cast<double>(fit_scale(one.counts, one.lattice_shift,
+                                                                lengths_of(pooled(all, set, &one)))
+                                                          .bits) /
+                                      least -
+                                  1));
     std::printf("\n");
   }
 }
@@ -225,6 +285,7 @@ int main(int argc, char** argv) {
   std::vector<Counted> all;
   for (std::size_t set = 0; set < sets().size(); ++set)
     for (const char* mesh : sets()[set].meshes) all.push_back(count_mesh(argv[1], mesh, set));
+  align(all);
   source ? print_source(all) : print_costs(all);
   return 0;
 }

@@ -18,7 +18,7 @@ struct HostileCase {
 // A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, publisher, hash,
 // acknowledged, window, max_splits; the count of attach words is at 56.
 const std::vector<HostileCase> kHostile{
-    {"OtherVersion", "wire version 15", [](RawType::Bytes& b) { b[4] = 15; }},
+    {"OtherVersion", "wire version 200", [](RawType::Bytes& b) { b[4] = 200; }},
     {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[59] = 0x7f; }},
     {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[56] = 30; }},
     {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 2; }},

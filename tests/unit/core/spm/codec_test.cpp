@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/detail/codec.hpp"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -142,7 +143,8 @@ TEST_P(Codec, BitsOfSplitsAreThoseOfTheirBatch) {
     BitWriter head;
     std::size_t attached = 0, expected = 8;
     std::set<NodeSpan> announced;
-    std::uint32_t last = 0;
+    std::uint32_t end = 0;  // of the last attach node
+    const std::vector<BaseRoot>& roots = model.header.roots;
     for (std::size_t k = 0; k < treelet.size(); ++k) {
       const TreeletSplit& split = treelet[k];
       const NodeSpan left = split.node.left_of(split.split),
@@ -155,8 +157,18 @@ TEST_P(Codec, BitsOfSplitsAreThoseOfTheirBatch) {
       if (split.right_included) announced.insert(right);
       if (announced.contains(split.node)) continue;
       ++attached;
-      head.put_gamma(split.node.begin() - std::exchange(last, split.node.begin()));
-      head.put_gamma(split.node.size - 2);
+      // A root by how many are passed over, any other node by place and size.
+      head.put(0, 1);
+      const auto root = std::find_if(roots.begin(), roots.end(),
+                                     [&](const BaseRoot& one) { return one.node == split.node; });
+      if (root != roots.end()) {
+        head.put_gamma(static_cast<std::uint64_t>(std::count_if(
+            roots.begin(), root, [&](const BaseRoot& one) { return one.node.begin() >= end; })));
+      } else {
+        head.put_count(split.node.begin() - end);
+        head.put_gamma(split.node.size - 2);
+      }
+      end = split.node.end();
     }
     head.put_gamma(treelet.size());
     head.put_gamma(attached);
@@ -351,7 +363,8 @@ std::vector<std::uint8_t> batch_of(std::uint32_t first, std::uint32_t size,
   out.put_gamma(0);
   out.put_gamma(static_cast<std::uint64_t>(held));
   for (int i = 0; i < held; ++i) {
-    out.put_gamma(i == 0 ? first : 0);
+    out.put(0, 1);
+    out.put_count(i == 0 ? first : 0);
     out.put_gamma(size - 2);
     for (std::size_t k = 0; k < half_spaces.size(); ++k) {
       out.put(half_spaces[k].direction, kDirectionBits);
@@ -540,7 +553,7 @@ TEST(CodecBatches, BytesAreThoseOfThisVersion) {
   for (const auto& bytes :
        encode_batches(model.header, *model.store, model.treelet, BoxPolicy::kCutNodes))
     hash = mix(hash ^ hash_bytes(bytes));
-  EXPECT_EQ(hash, 3553876614918797841U);
+  EXPECT_EQ(hash, 13800791699819264871U);
 }
 
 // ---- bytes from outside
@@ -636,45 +649,84 @@ TEST(DecodeBatch, SurvivesEveryFlippedBit) {
   }
 }
 
-/// A batch with one record below an attach node given as raw gamma values; 64 zero bits for
-/// `kEndless`.
-constexpr std::uint64_t kEndless = ~std::uint64_t{0};
-std::vector<std::uint8_t> batch_with_attach(std::uint64_t first, std::uint64_t size_minus_2) {
+/// A batch with one record below an attach node, whose name is written by `put_name`.
+template <class PutName>
+std::vector<std::uint8_t> batch_with_attach(const PutName& put_name) {
   BitWriter out;
   out.put(0, 8);
   out.put_gamma(1);
   out.put_gamma(1);
-  for (const std::uint64_t value : {first, size_minus_2}) {
-    if (value == kEndless) {
-      out.put64(0);
-    } else {
-      out.put_gamma(value);
-    }
-  }
+  put_name(out);
   for (int i = 0; i < 16; ++i) out.put(0, 8);
   return std::move(out).finish();
 }
-
-TEST(DecodeBatch, RefusesAnAttachNodeOfSizeOne) {
-  const BakedModel model = test::bake_named("sphere");
-  const Result<SplitBatch> batch = decode_batch(model.header, batch_with_attach(0, kEndless));
+void expect_attach_refused(const SpmHeader& header, const std::vector<std::uint8_t>& bytes) {
+  const Result<SplitBatch> batch = decode_batch(header, bytes);
   ASSERT_FALSE(batch.is_ok());
   EXPECT_NE(batch.status().message().find("attach node"), std::string::npos)
       << batch.status().message();
 }
 
-TEST(DecodeBatch, RefusesAnAttachNodeBeforeTheFirstVertex) {
-  const BakedModel model = test::bake_named("sphere");
-  const Result<SplitBatch> batch = decode_batch(model.header, batch_with_attach(kEndless, 0));
-  ASSERT_FALSE(batch.is_ok());
-  EXPECT_NE(batch.status().message().find("attach node"), std::string::npos)
-      << batch.status().message();
+TEST(DecodeBatch, RefusesAnAttachNodeWithoutASize) {
+  expect_attach_refused(test::bake_named("sphere").header, batch_with_attach([](BitWriter& out) {
+                          out.put(0, 1);
+                          out.put_count(0);
+                          out.put64(0);  // of a gamma number the zeros alone
+                        }));
 }
 
 TEST(DecodeBatch, RefusesAnAttachNodeBeyondTheLastVertex) {
-  const BakedModel model = test::bake_named("sphere");
-  EXPECT_FALSE(
-      decode_batch(model.header, batch_with_attach(model.header.vertex_count - 1, 0)).is_ok());
+  const SpmHeader header = test::bake_named("sphere").header;
+  for (const std::uint32_t first : {header.vertex_count - 1, header.vertex_count, 0x7fffffffU})
+    expect_attach_refused(header, batch_with_attach([&](BitWriter& out) {
+                            out.put(0, 1);
+                            out.put_count(first);
+                            out.put_gamma(0);
+                          }));
+}
+
+TEST(DecodeBatch, RefusesARootThatIsNotThere) {
+  const SpmHeader header = test::bake_named("sphere").header;
+  for (const std::uint64_t root : {std::uint64_t{header.roots.size()}, std::uint64_t{0xfffffffeU}})
+    expect_attach_refused(header, batch_with_attach([&](BitWriter& out) {
+                            out.put(1, 1);
+                            out.put_gamma(root);
+                          }));
+}
+
+// A triangle has no detail: each of its roots is a vertex.
+TEST(DecodeBatch, RefusesARootOfOneVertex) {
+  const IndexedMesh triangle{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}};
+  const CleanResult clean = clean_mesh(triangle).value();
+  const BakedModel model = bake(clean.mesh, clean.report.rounding_error_m, {}).value();
+  ASSERT_EQ(model.header.roots.front().node.size, 1U);
+  expect_attach_refused(model.header, batch_with_attach([](BitWriter& out) {
+                          out.put(1, 1);
+                          out.put_gamma(0);
+                        }));
+}
+
+// What a peer that holds the base alone is sent names whole roots: two bits for each.
+TEST(CodecBatches, NameWholeRootsInTwoBitsEach) {
+  const BakedModel model = test::bake_named("terrain");
+  Treelet treelet;
+  std::size_t bits = 8;
+  for (const BaseRoot& root : model.header.roots) {
+    ASSERT_GT(root.node.size, 1U);
+    treelet.push_back({root.node, model.store.split_of(root.node), false, false});
+    bits += 2;
+  }
+  for (const SplitBits& split : bits_of(model.header, model.store, treelet))
+    bits += split.record + split.left_box + split.right_box;
+  BitWriter counts;
+  for (int i = 0; i < 2; ++i) counts.put_gamma(treelet.size());
+  const auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes);
+  ASSERT_EQ(batches.size(), 1U);
+  EXPECT_EQ(batches[0].size(), (bits + counts.bit_count() + 7) / 8);
+  const Result<SplitBatch> decoded = decode_batch(model.header, batches[0]);
+  ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+  for (std::size_t i = 0; i < treelet.size(); ++i)
+    EXPECT_EQ(decoded.value().splits[i].node, treelet[i].node);
 }
 
 TEST(DecodeBatch, RefusesCountsBeyondItsBytes) {

@@ -61,10 +61,10 @@ TEST(EncodeHeader, WithTablesOfItsOwnDecodesToThem) {
   const BakedModel model = test::bake_named("aircraft");
   SpmHeader header = model.header;
   header.tables = make_tables(count_typical(header, model.store));
-  ASSERT_EQ(header.tables.set(), 0U);
+  ASSERT_EQ(header.tables.set(), CodingSet{});
   const Result<SpmHeader> decoded = decode_header(encode_header(header));
   ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
-  EXPECT_EQ(decoded.value().tables.set(), 0U);
+  EXPECT_EQ(decoded.value().tables.set(), CodingSet{});
   ASSERT_EQ(decoded.value().tables.contexts().size(), header.tables.contexts().size());
   for (std::size_t i = 0; i < header.tables.contexts().size(); ++i)
     EXPECT_EQ(decoded.value().tables.contexts()[i].lengths, header.tables.contexts()[i].lengths)
@@ -90,7 +90,7 @@ TEST(EncodeHeader, KeepsThePlaceOnACommonLattice) {
 
 TEST(EncodeHeader, ThatNamesASetCarriesNoTables) {
   SpmHeader header = test::bake_named("sphere").header;
-  ASSERT_NE(header.tables.set(), 0U);
+  ASSERT_NE(header.tables.set(), CodingSet{});
   const std::size_t named = encode_header(header).size();
   EXPECT_LT(named, 400U);
   const auto contexts = header.tables.contexts();
@@ -140,12 +140,25 @@ TEST(DecodeHeader, RefusesOriginsThatAreNoPlace) {
   refused_for("the place on a common lattice");
 }
 
+TEST(EncodeHeader, KeepsASetAtAnyScale) {
+  SpmHeader header = test::bake_named("sphere").header;
+  for (int scale = CodingSet::kMinScale; scale <= CodingSet::kMaxScale; ++scale) {
+    const CodingSet set{coding_set_count(), scale};
+    header.tables = *coding_set(set, header.lattice_shift);
+    const Result<SpmHeader> decoded = decode_header(encode_header(header));
+    ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+    EXPECT_EQ(decoded.value().tables.set(), set);
+    for (std::size_t i = 0; i < header.tables.contexts().size(); ++i)
+      EXPECT_EQ(decoded.value().tables.contexts()[i].lengths, header.tables.contexts()[i].lengths);
+  }
+}
+
 TEST(DecodeHeader, RefusesASetThatIsNotBuiltIn) {
   SpmHeader header = test::bake_named("sphere").header;
   const std::vector<HuffmanTable> contexts(header.tables.contexts().begin(),
                                            header.tables.contexts().end());
   for (const std::uint32_t set : {coding_set_count(), coding_set_count() + 1}) {
-    header.tables = CodingTables({contexts.begin(), contexts.end()}, set);
+    header.tables = CodingTables({contexts.begin(), contexts.end()}, {set, 0});
     const Result<SpmHeader> decoded = decode_header(encode_header(header));
     ASSERT_EQ(decoded.is_ok(), set == coding_set_count());
     if (decoded.is_ok()) continue;
@@ -166,8 +179,8 @@ TEST_P(Header, EncodesToTheSameBytesAgain) {
 TEST(DecodeHeader, RefusesAnotherVersion) {
   auto bytes = encode_header(test::bake_named("sphere").header);
   ASSERT_TRUE(decode_header(bytes).is_ok());
-  ASSERT_EQ(bytes[3], '6');  // of the magic number, "NMH6"
-  bytes[3] = '5';
+  ASSERT_EQ(bytes[3], '7');  // of the magic number, "NMH7"
+  bytes[3] = '6';
   const Result<SpmHeader> refused = decode_header(bytes);
   ASSERT_FALSE(refused.is_ok());
   EXPECT_EQ(refused.status().code(), StatusCode::kCorrupt);
@@ -175,7 +188,7 @@ TEST(DecodeHeader, RefusesAnotherVersion) {
 }
 
 TEST(DecodeHeader, RefusesTablesThatAreNoPrefixCode) {
-  // The tables stand last: of escapes alone, 345 times four bits.
+  // The tables stand last: of escapes alone, 369 times four bits.
   SpmHeader header = test::bake_named("sphere").header;
   header.tables = make_tables(TrainingCounts(static_cast<std::size_t>(coding_context_count())));
   const auto good = encode_header(header);
@@ -269,7 +282,7 @@ TEST(DecodeHeader, RefusesCellsThatDoublesCannotReckonWith) {
 std::vector<std::uint8_t> header_with_roots(const std::vector<std::uint32_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4836, 32);
+  out.put(0x4e4d4837, 32);
   for (int i = 0; i < 2; ++i) out.put64(0);  // the blocks' root
   out.put(4096, 14);
   out.put(21, 6);
@@ -290,7 +303,8 @@ std::vector<std::uint8_t> header_with_roots(const std::vector<std::uint32_t>& si
   out.put_gamma(parts - 1);
   if (parts <= kMaxComponentSeeds)
     for (std::uint64_t i = 3; i < 3 * parts; ++i) out.put(i, 21);
-  out.put_gamma(1);  // the first set of tables
+  out.put_gamma(1);  // the first set of tables,
+  out.put(16, 5);    // at home
   return std::move(out).finish();
 }
 

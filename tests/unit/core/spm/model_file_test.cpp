@@ -199,12 +199,12 @@ void patch(std::vector<std::uint8_t>& bytes, std::size_t offset, T value) {
 
 TEST(ModelFile, RefusesAnotherVersionByItsNumber) {
   auto bytes = small_file();
-  patch(bytes, offsetof(Preamble, version), std::uint32_t{8});
+  patch(bytes, offsetof(Preamble, version), std::uint32_t{9});
   test::reseal(bytes);
   const TempFile file;
   file.write(bytes);
   expect_refused(file.path(), StatusCode::kUnsupported);
-  EXPECT_NE(ModelFile::open(file.path()).status().message().find("version 8"), std::string::npos);
+  EXPECT_NE(ModelFile::open(file.path()).status().message().find("version 9"), std::string::npos);
 }
 
 TEST(ModelFile, RefusesEveryTruncation) {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/world/open_tiles.hpp"
 
+#include <array>
+#include <map>
 #include <set>
+#include <utility>
 
 #include "cut_world.hpp"
 
@@ -34,6 +37,22 @@ TEST(OpenTiles, StayOpenAsLongAsAllHaveRoom) {
   EXPECT_EQ(tiles.count(), all.size());
   for (std::size_t i = 0; i < all.size(); ++i)
     EXPECT_EQ(tiles.open(all[i]).value(), first[i]) << "tile " << i;
+}
+
+TEST(OpenTiles, ShareTheirCodingTables) {
+  const test::CutTerrain terrain;
+  const WorldFolder folder = WorldFolder::open(terrain.folder).value();
+  OpenTiles tiles(folder);
+  std::vector<std::shared_ptr<ModelFile>> open;
+  std::map<std::pair<CodingSet, std::array<std::uint8_t, 3>>, std::set<const void*>> tables;
+  for (const ContentHash& content : tiles_of(folder, folder.root().value())) {
+    open.push_back(tiles.open(content).value());
+    const SpmHeader& header = open.back()->header();
+    ASSERT_NE(header.tables.set().number, 0U);
+    tables[{header.tables.set(), header.lattice_shift}].insert(header.tables.fast());
+  }
+  EXPECT_LT(tables.size(), open.size());
+  for (const auto& [set, places] : tables) EXPECT_EQ(places.size(), 1U);
 }
 
 TEST(OpenTiles, ThoseNotUsedForLongestAreClosedWhereThereAreTooMany) {

@@ -107,10 +107,10 @@ TEST(Payload, RecordingsOfAnotherVersionAreRefusedWithBothVersionsAndWhatToDo) {
   const Status older = check_recorded_version(4), newer = check_recorded_version(kWireVersion + 1);
   EXPECT_EQ(older.code(), StatusCode::kUnsupported);
   EXPECT_EQ(older.message(),
-            "recorded with wire version 4, this build reads 14: use the build that recorded it, or "
+            "recorded with wire version 4, this build reads 15: use the build that recorded it, or "
             "record anew");
   EXPECT_EQ(newer.code(), StatusCode::kUnsupported);
-  EXPECT_NE(newer.message().find("wire version 15, this build reads 14"), std::string::npos);
+  EXPECT_NE(newer.message().find("wire version 16, this build reads 15"), std::string::npos);
 }
 
 TEST(Payload, IdlIsTheText) {

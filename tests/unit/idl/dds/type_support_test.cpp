@@ -350,9 +350,9 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
   (void)from_bytes<TypeOf<Hello>>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 14");
+  EXPECT_EQ(fault, "wire version 4, this build speaks 15");
   (void)from_bytes<TypeOf<Hello>>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 14");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 15");
   (void)from_bytes<TypeOf<Hello>>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

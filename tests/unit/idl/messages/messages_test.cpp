@@ -389,7 +389,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = kWireVersion + 1;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 15, this build speaks 14");
+    EXPECT_EQ(check(message).message(), "wire version 16, this build speaks 15");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

@@ -9,7 +9,7 @@ namespace {
 TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   const TopicNames names("site/nearmesh");
   EXPECT_EQ(names.of<Hello>(), "site/nearmesh/hello");
-  EXPECT_EQ(names.of<SplitBatchMessage>(), "site/nearmesh/v14/split_batch");
+  EXPECT_EQ(names.of<SplitBatchMessage>(), "site/nearmesh/v15/split_batch");
 }
 
 TEST(Topics, PartitionIsSixteenDigits) {
@@ -32,16 +32,16 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   const auto judge = [](const char* topic, std::string_view type) {
     return judge_remote_endpoint("p", topic, type, "rig-2").value_or("");
   };
-  EXPECT_EQ(judge("p/v14/body_poses", topic_of<BodyPoses>().type), "");
+  EXPECT_EQ(judge("p/v15/body_poses", topic_of<BodyPoses>().type), "");
   EXPECT_EQ(judge("p/hello", topic_of<Hello>().type), "");
-  EXPECT_EQ(judge("p/v14/process_status", topic_of<ProcessStatus>().type), "");
-  EXPECT_EQ(judge("p/v14/probe", topic_of<Echo>().type), "");
+  EXPECT_EQ(judge("p/v15/process_status", topic_of<ProcessStatus>().type), "");
+  EXPECT_EQ(judge("p/v15/probe", topic_of<Echo>().type), "");
   EXPECT_EQ(judge("q/v1/body_poses", topic_of<BodyPoses>().type), "");
   EXPECT_EQ(judge("pp/v1/body_poses", topic_of<BodyPoses>().type), "");
   EXPECT_EQ(judge("p/v/body_poses", "x"), "");
   EXPECT_EQ(judge("p/v1", "x"), "");
   EXPECT_EQ(judge("p/video", "x"), "");
-  EXPECT_NE(judge("p/v14/body_poses", "Other").find("Other"), std::string::npos);
+  EXPECT_NE(judge("p/v15/body_poses", "Other").find("Other"), std::string::npos);
   EXPECT_EQ(judge("p/v23/body_poses", topic_of<BodyPoses>().type),
             "rig-2 uses prefix p with wire version 23, this build speaks " +
                 std::to_string(kWireVersion) + ": the two will not exchange data");

@@ -282,7 +282,7 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_poses", "site/v*/body_proses");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v14/body_poses");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v15/body_poses");
 }
 
 TEST_F(Security, HostsTopicsStandBesideOwn) {
@@ -315,7 +315,7 @@ TEST_F(Security, TopicsThatNoHostMayHaveAreRefused) {
     EXPECT_NE(refusal({topic}).find("expected letters, digits"), std::string::npos) << topic;
   EXPECT_NE(refusal({std::string("a\0b", 3)}).find("expected letters"), std::string::npos);
   // It would let everybody with it serve false detail.
-  for (const char* topic : {"site/v14/split_batch", "site/*", "site/v14/*"})
+  for (const char* topic : {"site/v15/split_batch", "site/*", "site/v15/*"})
     EXPECT_NE(refusal({topic}).find("nearmesh's own"), std::string::npos) << topic;
   EXPECT_NE(refusal(std::vector<std::string>(200, "a")).find("a handshake has room for"),
             std::string::npos);

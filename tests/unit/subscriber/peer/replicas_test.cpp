@@ -5,8 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <map>
+#include <set>
+#include <utility>
+
 #include "core/base/digest.hpp"
 #include "core/world/page.hpp"
+#include "nearmesh/core/mesh/generate.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::subscriber {
@@ -71,6 +77,29 @@ TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToASize) {
   static_cast<void>(replicas.take_header(header_of(31, kMiB), complaints));  // fills the free place
   static_cast<void>(replicas.take_header(header_of(30, kMiB), complaints));
   EXPECT_TRUE(is_kept(replicas, 30));
+}
+
+// A world's tiles are many, and alike.
+TEST(ReplicaSet, ModelsOfOneKindShareTheirCodingTables) {
+  ReplicaSet replicas;
+  std::vector<std::string> complaints;
+  std::map<std::pair<CodingSet, std::array<std::uint8_t, 3>>, std::set<const void*>> tables;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const std::vector<std::uint8_t> bytes =
+        encode_header(test::bake_mesh(generate_terrain(40, seed)).header);
+    const ContentHash content = decode_header(bytes).value().content;
+    const std::string name = "ground" + std::to_string(seed);
+    PeerModel& model = replicas.add(name);
+    static_cast<void>(
+        replicas.take_header({7, {wire::kWireVersion, name, content, bytes}}, complaints));
+    static_cast<void>(replicas.assign(model, content, complaints));
+    ASSERT_TRUE(model.replica);
+    const SpmHeader& header = model.replica->header();
+    ASSERT_NE(header.tables.set().number, 0U);
+    tables[{header.tables.set(), header.lattice_shift}].insert(header.tables.fast());
+  }
+  EXPECT_LT(tables.size(), 4U);
+  for (const auto& [set, places] : tables) EXPECT_EQ(places.size(), 1U);
 }
 
 // Other peers name models, and in weeks there are many of which no body is left: each costs time in

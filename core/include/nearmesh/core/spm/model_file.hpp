@@ -94,6 +94,7 @@ class ModelFile {
   [[nodiscard]] Result<FaceNumbering> face_numbering();
 
  private:
+  friend Result<ModelFile> open_sharing(const std::string& path, SharedTables* shared);
   struct Impl;
   explicit ModelFile(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

@@ -28,7 +28,7 @@ namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are
 /// refused loudly.
-inline constexpr std::uint16_t kWireVersion = 14;
+inline constexpr std::uint16_t kWireVersion = 15;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;

@@ -5,6 +5,7 @@
 // alone.
 
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -43,25 +44,35 @@ struct HuffmanTable {
   [[nodiscard]] bool derive();
 };
 
+/// Tables that are built in, as a header names them.
+struct CodingSet {
+  static constexpr int kMinScale = -16, kMaxScale = 15;
+  std::uint32_t number = 0;  ///< 0: none; the header carries the model's own tables
+  int scale = 0;             ///< so many bits longer are offsets than where the set is at home
+  auto operator<=>(const CodingSet&) const = default;
+};
+
 /// The tables of all contexts. Copies share them.
 class CodingTables {
  public:
   CodingTables() = default;
-  /// `set`: the number of the built-in set that these are, 0 where they are a model's own.
-  explicit CodingTables(std::vector<HuffmanTable> contexts, std::uint32_t set = 0);
+  /// `set`: which these are of those built in.
+  explicit CodingTables(std::vector<HuffmanTable> contexts, CodingSet set = {});
 
   [[nodiscard]] std::span<const HuffmanTable> contexts() const { return tables_->contexts; }
   /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what
   /// follows it in any case take. kEscape for longer codes and the escape, which
   /// HuffmanTable::decode gives.
   [[nodiscard]] const HuffmanTable::Decoded* fast() const { return tables_->fast.data(); }
-  [[nodiscard]] std::uint32_t set() const { return tables_->set; }
+  [[nodiscard]] CodingSet set() const { return tables_->set; }
+  /// Another copy shares them.
+  [[nodiscard]] bool is_shared() const { return tables_.use_count() > 1; }
 
  private:
   struct Tables {
     std::vector<HuffmanTable> contexts;
     std::vector<HuffmanTable::Decoded> fast;
-    std::uint32_t set = 0;
+    CodingSet set;
   };
   std::shared_ptr<const Tables> tables_ = std::make_shared<const Tables>();
 };

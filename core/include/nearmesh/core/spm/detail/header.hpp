@@ -70,9 +70,12 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 
 [[nodiscard]] std::vector<std::uint8_t> encode_header(const SpmHeader& header);
 
-/// Trusts no count. Cost: O(bytes).
+class SharedTables;  // coding_sets.hpp
+/// Trusts no count. Cost: O(bytes), and two milliseconds for coding tables that are not in `shared`
+/// already.
 /// Errors: kCorrupt with the field, expected and found.
-[[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
+[[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes,
+                                              SharedTables* shared = nullptr);
 
 /// Whether a body with a model of this surface may be taken as solid: only a closed surface has an
 /// inside.
