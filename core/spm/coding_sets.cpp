@@ -25,26 +25,39 @@ void write_table(BitWriter& out, const HuffmanTable& table) {
   }
 }
 
-bool read_table(BitReader& in, HuffmanTable& table) {
+/// False where it is no prefix code, or not a complete one.
+bool read_table(BitReader& in, CodeLengths::value_type& lengths) {
   const auto share = [](std::uint32_t length) { return (1U << kMaxCodeBits) >> length; };
   const std::uint32_t escape = in.get(4);
-  table.lengths[kEscape] = static_cast<std::uint8_t>(escape);
+  if (escape > kMaxCodeBits) return false;
+  lengths[kEscape] = static_cast<std::uint8_t>(escape);
   std::uint32_t sum = share(escape);
   for (std::uint64_t symbol = 0; sum < share(0); ++symbol) {
     symbol += in.get_gamma();
     const std::uint32_t length = in.get(4);
     if (in.overrun() || symbol >= kEscape || length == 0 || length > kMaxCodeBits) return false;
-    table.lengths[symbol] = static_cast<std::uint8_t>(length);
+    lengths[symbol] = static_cast<std::uint8_t>(length);
     sum += share(length);
   }
-  return !in.overrun() && table.derive();
+  return !in.overrun() && sum == share(0);
 }
 
-std::optional<std::vector<HuffmanTable>> read_contexts(BitReader& in) {
-  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
-  for (HuffmanTable& table : contexts)
-    if (!read_table(in, table)) return std::nullopt;
-  return contexts;
+std::optional<CodeLengths> read_lengths(BitReader& in) {
+  CodeLengths lengths(static_cast<std::size_t>(coding_context_count()));
+  for (auto& context : lengths)
+    if (!read_table(in, context)) return std::nullopt;
+  return lengths;
+}
+
+/// In: complete prefix codes.
+CodingTables make_tables_of(const CodeLengths& lengths, CodingSet set = {}) {
+  std::vector<HuffmanTable> contexts(lengths.size());
+  for (std::size_t i = 0; i < contexts.size(); ++i) {
+    contexts[i].lengths = lengths[i];
+    [[maybe_unused]] const bool is_code = contexts[i].derive();
+    NEARMESH_ASSERT(is_code);
+  }
+  return CodingTables(std::move(contexts), set);
 }
 
 std::optional<CodeLengths> read_set(std::uint32_t number) {
@@ -53,10 +66,8 @@ std::optional<CodeLengths> read_set(std::uint32_t number) {
     for (int shift = 56; shift >= 0; shift -= 8)
       bytes.push_back(static_cast<std::uint8_t>(word >> shift));
   BitReader in(bytes);
-  const std::optional<std::vector<HuffmanTable>> contexts = read_contexts(in);
-  if (!contexts || in.bits_left() >= 64) return std::nullopt;
-  CodeLengths lengths;
-  for (const HuffmanTable& table : *contexts) lengths.push_back(table.lengths);
+  std::optional<CodeLengths> lengths = read_lengths(in);
+  if (in.bits_left() >= 64) return std::nullopt;
   return lengths;
 }
 
@@ -78,21 +89,6 @@ constexpr std::array<ConstantSet, kMostSets> constant_sets(
   return {constant_set<kBefore + 1>...};
 }
 
-CodingTables make_tables_of(CodingSet set, const CodeLengths& lengths,
-                            const std::array<std::uint8_t, 3>& lattice_shift) {
-  const record::SetPlaces places(set.scale, lattice_shift);
-  std::vector<HuffmanTable> contexts(lengths.size());
-  for (int i = 0; i < static_cast<int>(contexts.size()); ++i) {
-    HuffmanTable& table = contexts[static_cast<std::size_t>(i)];
-    const auto& own = lengths[static_cast<std::size_t>(places.context(i))];
-    table.lengths[kEscape] = own[kEscape];
-    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol)
-      table.lengths[symbol] = own[places.symbol(i, symbol)];
-    static_cast<void>(table.derive());
-  }
-  return CodingTables(std::move(contexts), set);
-}
-
 }  // namespace
 
 const std::optional<CodeLengths>& set_lengths(std::uint32_t number) {
@@ -106,7 +102,17 @@ std::optional<CodingTables> coding_set(CodingSet set,
                                        const std::array<std::uint8_t, 3>& lattice_shift) {
   NEARMESH_ASSERT(set.scale >= CodingSet::kMinScale && set.scale <= CodingSet::kMaxScale);
   const std::optional<CodeLengths>& lengths = set_lengths(set.number);
-  return lengths ? std::optional(make_tables_of(set, *lengths, lattice_shift)) : std::nullopt;
+  if (!lengths) return std::nullopt;
+  const record::SetPlaces places(set.scale, lattice_shift);
+  CodeLengths moved(lengths->size());
+  for (int i = 0; i < static_cast<int>(moved.size()); ++i) {
+    auto& context = moved[static_cast<std::size_t>(i)];
+    const auto& own = (*lengths)[static_cast<std::size_t>(places.context(i))];
+    context[kEscape] = own[kEscape];
+    for (std::uint32_t symbol = 0; symbol < kSymbolLimit; ++symbol)
+      context[symbol] = own[places.symbol(i, symbol)];
+  }
+  return make_tables_of(moved, set);
 }
 
 std::optional<CodingTables> SharedTables::coding_set(
@@ -124,9 +130,14 @@ void write_tables(BitWriter& out, const CodingTables& tables) {
 }
 
 std::optional<CodingTables> read_tables(BitReader& in) {
-  std::optional<std::vector<HuffmanTable>> contexts = read_contexts(in);
-  if (!contexts) return std::nullopt;
-  return CodingTables(*std::move(contexts));
+  const std::optional<CodeLengths> lengths = read_lengths(in);
+  return lengths ? std::optional(make_tables_of(*lengths)) : std::nullopt;
+}
+
+CodeLengths lengths_of(const CodingTables& tables) {
+  CodeLengths lengths;
+  for (const HuffmanTable& table : tables.contexts()) lengths.push_back(table.lengths);
+  return lengths;
 }
 
 std::uint32_t coding_set_count() { return static_cast<std::uint32_t>(coding_sets_data().size()); }

@@ -20,6 +20,7 @@ namespace nearmesh {
 [[nodiscard]] std::uint32_t coding_set_count();
 /// By context and symbol, the escape last; 0 where a symbol has no code.
 using CodeLengths = std::vector<std::array<std::uint8_t, kSymbolLimit + 1>>;
+[[nodiscard]] CodeLengths lengths_of(const CodingTables& tables);
 /// A set's own. Threads: any. In: 1 to coding_set_count(). None where the data are of another
 /// codec: only while that is being changed, until the data are made anew.
 [[nodiscard]] const std::optional<CodeLengths>& set_lengths(std::uint32_t number);

@@ -9,7 +9,6 @@
 #include <cstdint>
 
 #include "bits.hpp"
-#include "nearmesh/core/spm/detail/types.hpp"
 
 namespace nearmesh::record {
 

@@ -184,12 +184,13 @@ Status read_coding(BitReader& in, SharedTables* shared, SpmHeader& header) {
   if (number > coding_set_count())
     return corrupt("coding tables: built-in set " + std::to_string(number) + " of " +
                    std::to_string(coding_set_count()));
-  CodingSet set{static_cast<std::uint32_t>(number)};
-  if (number != 0) set.scale = static_cast<int>(in.get(kScaleBits)) + CodingSet::kMinScale;
-  std::optional<CodingTables> tables = number == 0 ? read_tables(in)
-                                       : shared != nullptr
-                                           ? shared->coding_set(set, header.lattice_shift)
-                                           : coding_set(set, header.lattice_shift);
+  const auto find_set = [&] {
+    const CodingSet set{static_cast<std::uint32_t>(number),
+                        static_cast<int>(in.get(kScaleBits)) + CodingSet::kMinScale};
+    return shared != nullptr ? shared->coding_set(set, header.lattice_shift)
+                             : coding_set(set, header.lattice_shift);
+  };
+  std::optional<CodingTables> tables = number == 0 ? read_tables(in) : find_set();
   if (!tables) return corrupt("coding table is not a prefix code");
   header.tables = std::move(*tables);
   return Status::ok();

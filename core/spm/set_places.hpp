@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "contexts.hpp"
+#include "nearmesh/core/spm/detail/types.hpp"
 
 namespace nearmesh::record {
 

@@ -51,13 +51,6 @@ CodingTables make_tables(const TrainingCounts& counts, std::uint64_t table_split
 
 namespace {
 
-/// Of a symbol where its code has so many bits, none: it is written after the escape.
-std::uint64_t bits_of_symbol(int context, std::uint32_t symbol, std::uint32_t code_bits,
-                             std::uint32_t escape_bits) {
-  return (code_bits != 0 ? code_bits : escape_bits + record::kEscapedBits) +
-         record::tail_bits(context, symbol);
-}
-
 /// What was counted, without what was not.
 struct Counted {
   int context = 0;
@@ -73,27 +66,40 @@ std::vector<Counted> all_counted(const TrainingCounts& counts) {
   return counted;
 }
 
-/// The same for a set at a scale, whose tables are not made for it.
+/// Of tables at a scale, which are not made for it. A symbol without a code is written after the
+/// escape.
 std::uint64_t coded_bits(std::span<const Counted> counted, const CodeLengths& lengths,
                          const record::SetPlaces& places) {
   std::uint64_t bits = 0;
   for (const auto& [context, symbol, count] : counted) {
     const auto& own = lengths[static_cast<std::size_t>(places.context(context))];
-    bits +=
-        count * bits_of_symbol(context, symbol, own[places.symbol(context, symbol)], own[kEscape]);
+    const std::uint32_t code = own[places.symbol(context, symbol)];
+    bits += count * ((code != 0 ? code : own[kEscape] + record::kEscapedBits) +
+                     record::tail_bits(context, symbol));
   }
   return bits;
+}
+
+ScaleFit fit_scale(std::span<const Counted> counted,
+                   const std::array<std::uint8_t, 3>& lattice_shift, const CodeLengths& lengths) {
+  ScaleFit best{0, std::numeric_limits<std::uint64_t>::max()};
+  for (int scale = CodingSet::kMinScale; scale <= CodingSet::kMaxScale; ++scale)
+    if (const std::uint64_t bits = coded_bits(counted, lengths, {scale, lattice_shift});
+        bits < best.bits)
+      best = {scale, bits};
+  return best;
 }
 
 /// No number where no set is of this codec.
 CodingSet find_nearest_set(const TrainingCounts& counts,
                            const std::array<std::uint8_t, 3>& lattice_shift, std::uint64_t& least) {
+  const std::vector<Counted> counted = all_counted(counts);
   least = std::numeric_limits<std::uint64_t>::max();
   CodingSet nearest;
   for (std::uint32_t number = 1; number <= coding_set_count(); ++number) {
     const std::optional<CodeLengths>& lengths = set_lengths(number);
     if (!lengths) continue;
-    const ScaleFit fit = fit_scale(counts, lattice_shift, *lengths);
+    const ScaleFit fit = fit_scale(counted, lattice_shift, *lengths);
     if (fit.bits >= least) continue;
     least = fit.bits;
     nearest = {number, fit.scale};
@@ -104,23 +110,12 @@ CodingSet find_nearest_set(const TrainingCounts& counts,
 }  // namespace
 
 std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables) {
-  std::uint64_t bits = 0;
-  for (const auto& [context, symbol, count] : all_counted(counts)) {
-    const HuffmanTable& table = tables.contexts()[static_cast<std::size_t>(context)];
-    bits += count * bits_of_symbol(context, symbol, table.lengths[symbol], table.lengths[kEscape]);
-  }
-  return bits;
+  return coded_bits(all_counted(counts), lengths_of(tables), {0, {}});
 }
 
 ScaleFit fit_scale(const TrainingCounts& counts, const std::array<std::uint8_t, 3>& lattice_shift,
                    const CodeLengths& lengths) {
-  const std::vector<Counted> counted = all_counted(counts);
-  ScaleFit best{0, std::numeric_limits<std::uint64_t>::max()};
-  for (int scale = CodingSet::kMinScale; scale <= CodingSet::kMaxScale; ++scale)
-    if (const std::uint64_t bits = coded_bits(counted, lengths, {scale, lattice_shift});
-        bits < best.bits)
-      best = {scale, bits};
-  return best;
+  return fit_scale(all_counted(counts), lattice_shift, lengths);
 }
 
 CodingTables nearest_set(const TrainingCounts& counts,

@@ -198,12 +198,6 @@ CodingTables pooled(const std::vector<Counted>& all, std::size_t set, const Coun
   return make_tables(sum, 10 * kTableSplits);
 }
 
-CodeLengths lengths_of(const CodingTables& tables) {
-  CodeLengths lengths;
-  for (const HuffmanTable& table : tables.contexts()) lengths.push_back(table.lengths);
-  return lengths;
-}
-
 // Each mesh to the scale at which the others of its set code it best.
 void align(std::vector<Counted>& all) {
   constexpr int kRounds = 3;
