@@ -57,6 +57,7 @@ HWY_INLINE void exchange(Mask where, Vec (&x)[3], Vec (&y)[3]) {
 struct LoneCorner {
   Vec lone[3], next[3], last[3];
   Mask is_below;
+  Mask is_none;  ///< all are on one side
 };
 HWY_INLINE LoneCorner lone_corner(const Vec (&x)[3], const Vec (&y)[3], const Vec (&z)[3],
                                   const Vec (&heights)[3]) {
@@ -69,6 +70,7 @@ HWY_INLINE LoneCorner lone_corner(const Vec (&x)[3], const Vec (&y)[3], const Ve
   choose(first, second, y, z, x, out.next);
   choose(first, second, z, x, y, out.last);
   out.is_below = hn::Or(hn::And(a, b), hn::And(hn::Or(a, b), c));  // two are above
+  out.is_none = hn::And(first, second);
   return out;
 }
 
@@ -106,9 +108,9 @@ HWY_INLINE Vec orientation_error(const OwnTriangle& own, const Vec (&other)[3][3
   return hn::Mul(hn::Set(d, 4 * slack), square);
 }
 
-/// Of triangles that neither plane parts: `apart` by two pairs of edges, `touching` by the signs of
-/// their orientations. Heights: of the other's corners above one's own plane, and the other way
-/// round, times the lengths of the normals.
+/// `apart` by two pairs of edges, `touching` by the signs of their orientations. Heights: of the
+/// other's corners above one's own plane, and the other way round, times the lengths of the
+/// normals.
 struct MaskVerdicts {
   Mask apart, touching;
 };
@@ -131,6 +133,7 @@ HWY_INLINE MaskVerdicts test_edges(const OwnTriangle& own, const Vec (&b)[3][3],
   // any.
   LoneCorner lone_a = lone_corner(a[0], a[1], a[2], own_heights);
   LoneCorner lone_b = lone_corner(b[0], b[1], b[2], b_heights);
+  certain = hn::AndNot(hn::Or(lone_a.is_none, lone_b.is_none), certain);
   exchange(lone_b.is_below, lone_a.next, lone_a.last);
   exchange(lone_a.is_below, lone_b.next, lone_b.last);
   Vec first[3], second[3], from_next[3], from_lone[3];
@@ -174,25 +177,19 @@ HWY_INLINE PairVerdicts test_triangles_inline(const RelativeFrame& f,
     const Vec normal[3] = {cross(own.second, own.third, 0), cross(own.second, own.third, 1),
                            cross(own.second, own.third, 2)};
     const Vec b_normal[3] = {cross(u, v, 0), cross(u, v, 1), cross(u, v, 2)};
-    const auto is_settled = [&](Mask settled) {
-      return (~bits_of(settled) & wanted >> lane & ((1U << hn::Lanes(d)) - 1)) == 0;
-    };
-    Mask apart = parts(normal, own, b, f.slack);
-    Mask touching = hn::Xor(apart, apart);
-    if (!is_settled(apart)) {
-      apart = hn::Or(apart, parts(b_normal, own, b, f.slack));
-      if (!is_settled(apart)) {
-        const Vec b_heights[3] = {dot(normal, b[0]), dot(normal, b[1]), dot(normal, b[2])};
-        const Vec on_b = dot(b_normal, b[0]);
-        const Vec own_heights[3] = {hn::Neg(on_b), hn::Sub(dot(b_normal, own.second), on_b),
-                                    hn::Sub(dot(b_normal, own.third), on_b)};
-        const MaskVerdicts edges = test_edges(own, b, b_heights, own_heights, f.slack);
-        touching = hn::AndNot(apart, edges.touching);
-        apart = hn::Or(apart, edges.apart);
-      }
-    }
+    const Vec b_heights[3] = {dot(normal, b[0]), dot(normal, b[1]), dot(normal, b[2])};
+    const Vec on_b = dot(b_normal, b[0]);
+    const Vec own_heights[3] = {hn::Neg(on_b), hn::Sub(dot(b_normal, own.second), on_b),
+                                hn::Sub(dot(b_normal, own.third), on_b)};
+    const MaskVerdicts edges = test_edges(own, b, b_heights, own_heights, f.slack);
+    Mask apart = edges.apart;
+    const Mask settled = hn::Or(apart, edges.touching);
+    // A walk has held the planes against each other in floats: they part few that edges do not.
+    if ((~bits_of(settled) & wanted >> lane & ((1U << hn::Lanes(d)) - 1)) != 0)
+      apart =
+          hn::Or(apart, hn::Or(parts(normal, own, b, f.slack), parts(b_normal, own, b, f.slack)));
     out.apart |= bits_of(apart) << lane;
-    out.touching |= bits_of(touching) << lane;
+    out.touching |= bits_of(edges.touching) << lane;
   }
   return {out.apart & wanted, out.touching & wanted};
 }

@@ -13,6 +13,7 @@
 #include "core/base/hash.hpp"
 #include "find_missing.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "sort_pairs.hpp"
 #include "walk.hpp"
 
 namespace nearmesh {
@@ -158,7 +159,7 @@ class Query {
     }
     if (answer_.exhausted) answer_.uncertainty_m = std::numeric_limits<double>::infinity();
     bound_distance();
-    std::sort(answer_.pairs.begin(), answer_.pairs.end());
+    sort_pairs(answer_.pairs);
     answer_.pair_total = dropped_pairs_ + answer_.pairs.size();
     answer_.truncated = dropped_pairs_ != 0;
     sort_missing();

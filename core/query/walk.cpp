@@ -2,24 +2,24 @@
 // The walk of two trees at once: from the pair of both roots down to the pairs of faces that touch,
 // and to the pairs with an unresolved node that may.
 //
-// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. Three
-//    kinds of pairs come out of it:
+// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. There
+//    are three kinds of pairs:
 //
 //      inner x anything       One of them is opened: the larger, in metres, where both are inner.
 //                             Its eight lanes are held against the other part at once, and those
 //                             not apart go on the list.
-//      block x block          An "end". Ends are collected; test_ends() decides their faces.
+//      block x block          An "end". Ends go on a list of their own; test_latest_ends() decides
+//                             their faces.
 //      block or node x node   An end as well, since an unresolved node cannot be opened. leave()
 //                             notes it for the caller, unless no face of the block comes near the
 //                             node.
 //
 //    For example (a: root R over nodes P and Q, Q over blocks; b: one block S):
 //
-//      list                     done
+//      list      ends           done
 //      (R, S)                   R is opened: P is apart from S, Q is not
 //      (Q, S)                   Q is opened: block 1 and unresolved node 4 are not apart from S
-//      (1, S) (4, S)            both are ends: the faces of 1 and S are tested, (4, S) is left to
-//                               the caller
+//                (1, S) (4, S)  the faces of 1 and S are tested, (4, S) is left to the caller
 //
 // 2. Why it ends, and loses nothing. Each step takes a pair off and puts on pairs one level deeper,
 //    and trees are finite. A pair is dropped only where a test proves it apart, and then all below
@@ -32,12 +32,12 @@
 //    without branches that depend on data:
 //
 //      pop 8 pairs -> plan: which side is opened? -> (cull) -> test 8 x 8 lanes
-//                        \-> neither is inner: ends        -> push what is left, last pair first
+//                                                           -> push what is left, last pair first
 //
 //    The latest are taken, not the oldest, so the list stays short: depth first, eight abreast.
 //    Where one contact suffices (kAny), the first 64 nodes are opened one by one instead, deepest
 //    overlap first: a contact is likely to be found among them, and every node opened beside the
-//    way is lost.
+//    way is lost. Until then ends stand on the list among the others, in the order of their depth.
 //
 // 4. What is placed when. Both trees are in their own grids, and tests need the boxes of one in the
 //    units of the other. A node (eight boxes and slabs) or a block (eight faces) is placed in both
@@ -110,6 +110,19 @@ class WalkedBody {
   [[nodiscard]] std::uint32_t count(TreePlace at) const {
     return nodes_[at / kLanes].kind_and_count[at % kLanes] >> 2;
   }
+  /// Bits of the lanes of a node that are inner. Bits of empty ones mean nothing.
+  [[nodiscard]] HWY_INLINE std::uint32_t inner_lanes(std::uint32_t node) const {
+    static_assert(TreeEntry::Kind::kInner == TreeEntry::Kind{});
+    const IntLanes d;
+    std::uint32_t inner = 0;
+    for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+      const hn::Rebind<std::uint32_t, IntLanes> unsigned_d;
+      const auto kinds = hn::And(hn::LoadU(unsigned_d, nodes_[node].kind_and_count + lane),
+                                 hn::Set(unsigned_d, 3));
+      inner |= bits_of(hn::RebindMask(FloatLanes(), hn::Eq(kinds, hn::Zero(unsigned_d)))) << lane;
+    }
+    return inner;
+  }
 
  private:
   HWY_NOINLINE const PlacedBoxes& place_node(std::uint32_t node) {
@@ -138,6 +151,7 @@ class Walk {
        QueryStats& stats)
       : s_(scene),
         stack_(memory.stack),
+        ends_(memory.ends),
         bodies_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
                  memory.blocks[0]},
                 {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
@@ -152,24 +166,32 @@ class Walk {
 
   // The caller has seen that the roots are not apart. False: the tests were spent first.
   bool run() {
-    stack_.reserve(1);
-    stack_.push({{0, 0}, {kAllLanes, kAllLanes}});
-    while (stack_.size != 0) {
-      if (kAny && opened_ < kHopeful) {
+    const PendingPair roots = {{0, 0}, {kAllLanes, kAllLanes}};
+    PairStack& first = kAny || has_inner(roots) ? stack_ : ends_;
+    first.reserve(1);
+    first.push(roots);
+    bool is_whole = true;
+    while ((stack_.size | ends_.size) != 0) {
+      // Ends wait for company, but not where the first contact is the last one wanted.
+      if (stack_.size == 0 || ends_.size >= (kAny ? 1 : kEnds)) {
+        test_latest_ends();
+      } else if (kAny && opened_ < kHopeful) {
         look_at_deepest();
       } else {
         look_at_latest();
       }
       if (kAny && !pairs_.empty()) return true;
-      if (HWY_UNLIKELY(tests_of(stats_) >= next_look_) && (stack_.size | end_count_) != 0 &&
-          is_over())
-        return false;
+      if (HWY_UNLIKELY(tests_of(stats_) >= next_look_) && (stack_.size | ends_.size) != 0 &&
+          is_over()) {
+        is_whole = false;
+        break;
+      }
       if (HWY_UNLIKELY(unresolved_.size() > finds_.most_unresolved ||
                        pairs_.size() > finds_.most_pairs))
         finds_.hand_on();
     }
-    test_ends();  // what was collected last
-    return true;
+    if (pair_count_ != 0) test_pairs();  // what was collected last
+    return is_whole;
   }
 
  private:
@@ -182,24 +204,41 @@ class Walk {
   }
   static constexpr bool kAny = kSeeks == Seeks::kAnyPair;
 
+  [[nodiscard]] bool is_inner(std::uint32_t side, TreePlace at) const {
+    return bodies_[side].kind(at) == Kind::kInner;
+  }
+  [[nodiscard]] bool has_inner(const PendingPair& pair) const {
+    return is_inner(0, pair.place[0]) || is_inner(1, pair.place[1]);
+  }
+
   // Where one contact suffices, the part that reaches deepest into the other comes next: it is the
   // likeliest to have it. With branches, which the processor may guess ahead of the tests: there is
   // but one at a time.
   void look_at_deepest() {
     const PendingPair pair = stack_.pop();
-    const bool inner_a = bodies_[0].kind(pair.place[0]) == Kind::kInner,
-               inner_b = bodies_[1].kind(pair.place[1]) == Kind::kInner;
+    const bool inner_a = is_inner(0, pair.place[0]), inner_b = is_inner(1, pair.place[1]);
     if (!inner_a && !inner_b) {
-      ends_[end_count_++] = pair;
-      test_ends();
+      ends_.reserve(1);
+      ends_.push(pair);
       return;
     }
-    ++opened_;
     if (inner_a &&
         (!inner_b || bodies_[0].size_m(pair.place[0]) >= bodies_[1].size_m(pair.place[1]))) {
       open_by_depth<0>(pair);
     } else {
       open_by_depth<1>(pair);
+    }
+    if (++opened_ == kHopeful) set_ends_apart();
+  }
+
+  // From then on the list has none.
+  void set_ends_apart() {
+    const std::size_t size = std::exchange(stack_.size, 0);
+    for (std::size_t i = 0; i < size; ++i) {
+      const PendingPair pair = stack_.at(i);
+      PairStack& to = has_inner(pair) ? stack_ : ends_;
+      to.reserve(1);
+      to.push(pair);
     }
   }
 
@@ -208,32 +247,24 @@ class Walk {
   void look_at_latest() {
     const std::size_t count = std::min(stack_.size, kBatch);
     Opened opened[kBatch];
-    std::size_t inner_count = 0;
-    // A pair is written both where ends and where nodes to open go, and counted where it belongs.
+    std::size_t opened_count = 0;
     for (std::size_t i = 0; i < count; ++i) {
       const PendingPair pair = stack_.pop();
       if (kSeeks == Seeks::kUnresolved && !bodies_[0].is_coarse(pair.place[0]) &&
           !bodies_[1].is_coarse(pair.place[1]))
         continue;  // nothing but exact faces below
-      Opened& next = opened[inner_count];
-      const bool is_inner = plan(pair, next);
-      if (HWY_UNLIKELY(static_cast<int>(is_inner) &
-                       static_cast<int>(bodies_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
+      Opened& next = opened[opened_count];
+      plan(pair, next);
+      if (HWY_UNLIKELY(static_cast<int>(bodies_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
                        static_cast<int>(next.is_worth_culling)))
         cull(pair, next);
-      ends_[end_count_] = pair;
-      end_count_ += is_inner ? 0 : 1;
-      inner_count += next.close != 0 && is_inner ? 1 : 0;
-    }
-    // Ends wait for company, but not where the first contact is the last one wanted.
-    if (end_count_ > (kAny ? 0 : kEnds - kBatch)) {
-      test_ends();
-      if (kAny && !pairs_.empty()) return;
+      opened_count += next.close != 0 ? 1 : 0;
     }
     stack_.reserve(kBatch * kLanes);
-    for (std::size_t i = 0; i < inner_count; ++i) test(opened[i]);
+    ends_.reserve(kBatch * kLanes);
+    for (std::size_t i = 0; i < opened_count; ++i) test(opened[i]);
     // What comes of the pair that was on top comes on top again: depth first.
-    for (std::size_t i = inner_count; i-- > 0;) push(opened[i]);
+    for (std::size_t i = opened_count; i-- > 0;) push(opened[i]);
   }
 
   /// Lanes of a node of one side's that may meet a part of the other's.
@@ -245,24 +276,22 @@ class Walk {
     bool is_worth_culling;
   };
 
-  // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if
-  // neither is. Without branches: they could not be predicted.
-  HWY_INLINE bool plan(const PendingPair& pair, Opened& out) {
+  // Which of two parts to open: the larger of two inner ones, a's of equals. Without branches: they
+  // could not be predicted. Precondition: one of them is inner.
+  HWY_INLINE void plan(const PendingPair& pair, Opened& out) {
     const double sizes_m[2] = {bodies_[0].size_m(pair.place[0]), bodies_[1].size_m(pair.place[1])};
-    const auto inner_a = static_cast<std::uint32_t>(bodies_[0].kind(pair.place[0]) == Kind::kInner),
-               inner_b = static_cast<std::uint32_t>(bodies_[1].kind(pair.place[1]) == Kind::kInner);
+    const auto inner_a = static_cast<std::uint32_t>(is_inner(0, pair.place[0])),
+               inner_b = static_cast<std::uint32_t>(is_inner(1, pair.place[1]));
     const std::uint32_t side =
         (inner_a ^ 1U) | (inner_b & static_cast<std::uint32_t>(sizes_m[0] < sizes_m[1]));
-    const bool is_inner = (inner_a | inner_b) != 0;
     const WalkedBody& own = bodies_[side];
-    const std::uint32_t node = is_inner ? own.first(pair.place[side]) : 0;
+    const std::uint32_t node = own.first(pair.place[side]);
     out = {side,
            node * kLanes,
            pair.place[side ^ 1],
            {pair.faces[0], pair.faces[1]},
            own.node(node).lanes,
            is_worth_culling(sizes_m[side], sizes_m[side ^ 1])};
-    return is_inner;
   }
 
   // Single faces are much thinner than their block. Where the block is much larger than what it is
@@ -328,31 +357,39 @@ class Walk {
     }
   }
 
-  // The first lane comes on top. Eight are written whatever `close` says, and as many counted as it
-  // has; what is beyond the size is written over by the next.
-  void push(const Opened& opened) {
-    const hn::CappedTag<std::uint32_t, kLanes> d;
-    const hn::Rebind<std::uint8_t, decltype(d)> bytes;
-    std::uint32_t* const own = stack_.place[opened.side] + stack_.size;
-    std::uint32_t* const other = stack_.place[opened.side ^ 1] + stack_.size;
-    const std::uint8_t* const order = kLanesOf[opened.close].data();
-    for (std::size_t i = 0; i < kLanes; i += hn::Lanes(d)) {
-      const auto lanes = hn::PromoteTo(d, hn::LoadU(bytes, order + i));
-      hn::StoreU(hn::Add(lanes, hn::Set(d, opened.first)), d, own + i);
-      hn::StoreU(hn::Set(d, opened.other), d, other + i);
-      hn::StoreU(hn::Set(d, opened.faces[0] | std::uint32_t{opened.faces[1]} << kLanes), d,
-                 stack_.faces + stack_.size + i);
-    }
-    stack_.size += static_cast<std::size_t>(std::popcount(opened.close));
+  HWY_INLINE void push(const Opened& opened) {
+    const std::uint32_t inner = is_inner(opened.side ^ 1, opened.other)
+                                    ? kAllLanes
+                                    : bodies_[opened.side].inner_lanes(opened.first / kLanes);
+    push_lanes(opened, opened.close & inner, stack_);
+    push_lanes(opened, opened.close & ~inner, ends_);
   }
 
-  // Pairs of parts neither of which is inner, collected.
-  void test_ends() {
+  // The first lane comes on top. Eight are written whatever `lanes` says, and as many counted as it
+  // has; what is beyond the size is written over by the next.
+  HWY_INLINE static void push_lanes(const Opened& opened, std::uint32_t lanes, PairStack& to) {
+    const hn::CappedTag<std::uint32_t, kLanes> d;
+    const hn::Rebind<std::uint8_t, decltype(d)> bytes;
+    std::uint32_t* const own = to.place[opened.side] + to.size;
+    std::uint32_t* const other = to.place[opened.side ^ 1] + to.size;
+    const std::uint8_t* const order = kLanesOf[lanes].data();
+    for (std::size_t i = 0; i < kLanes; i += hn::Lanes(d)) {
+      const auto listed = hn::PromoteTo(d, hn::LoadU(bytes, order + i));
+      hn::StoreU(hn::Add(listed, hn::Set(d, opened.first)), d, own + i);
+      hn::StoreU(hn::Set(d, opened.other), d, other + i);
+      hn::StoreU(hn::Set(d, opened.faces[0] | std::uint32_t{opened.faces[1]} << kLanes), d,
+                 to.faces + to.size + i);
+    }
+    to.size += static_cast<std::size_t>(std::popcount(lanes));
+  }
+
+  // Pairs of parts neither of which is inner, the latest few at once.
+  void test_latest_ends() {
     FaceAndBlock faces[kEnds * kLanes];
     std::size_t face_count = 0;
     // First each face of a's block against the whole of b's block.
-    for (std::size_t i = end_count_; i-- > 0;) {
-      const PendingPair& pair = ends_[i];
+    for (std::size_t left = std::min(ends_.size, kEnds); left > 0; --left) {
+      const PendingPair pair = ends_.pop();
       const TreePlace a = pair.place[0], b = pair.place[1];
       if (HWY_UNLIKELY(bodies_[0].kind(a) != Kind::kFaces || bodies_[1].kind(b) != Kind::kFaces)) {
         leave(pair);
@@ -366,7 +403,6 @@ class Walk {
         faces[face_count++] = {first + static_cast<std::uint32_t>(std::countr_zero(close)),
                                bodies_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
     }
-    end_count_ = 0;
     // Then each face that is left against b's faces one by one, eight at a time.
     for (std::size_t i = 0; i < face_count; ++i) {
       const FaceAndBlock& pair = faces[i];
@@ -384,7 +420,7 @@ class Walk {
         }
       }
     }
-    if (pair_count_ != 0) test_pairs();
+    if (kAny && pair_count_ != 0) test_pairs();
   }
 
   // Faces that no plane of theirs and no axis parts, up to eight pairs.
@@ -433,10 +469,9 @@ class Walk {
   // are tested.
   static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
-  PairStack& stack_;
+  PairStack &stack_, &ends_;
   WalkedBody bodies_[2];
-  PendingPair ends_[kEnds + 1];
-  std::size_t end_count_ = 0, opened_ = 0;
+  std::size_t opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
   const WalkLimits limits_;
   std::uint64_t next_look_;  // in tests

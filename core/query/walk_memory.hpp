@@ -79,13 +79,12 @@ struct PairStack {
     place[1][size] = pair.place[1];
     faces[size++] = pair.faces[0] | std::uint32_t{pair.faces[1]} << kLanes;
   }
-  /// Precondition: not empty.
-  PendingPair pop() {
-    --size;
-    return {
-        {place[0][size], place[1][size]},
-        {static_cast<std::uint8_t>(faces[size]), static_cast<std::uint8_t>(faces[size] >> kLanes)}};
+  [[nodiscard]] PendingPair at(std::size_t i) const {
+    return {{place[0][i], place[1][i]},
+            {static_cast<std::uint8_t>(faces[i]), static_cast<std::uint8_t>(faces[i] >> kLanes)}};
   }
+  /// Precondition: not empty.
+  PendingPair pop() { return at(--size); }
 
  private:
   static constexpr std::size_t kFirst = 256;
@@ -115,7 +114,7 @@ struct PairStack {
 struct WalkMemory {
   PlacedTreeNodes nodes[2];  ///< a's and b's
   PlacedTreeBlocks blocks[2];
-  PairStack stack;
+  PairStack stack, ends;
 };
 
 }  // namespace nearmesh
