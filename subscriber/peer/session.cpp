@@ -390,11 +390,11 @@ void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& as
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
   if (!pair.is_ready) result.reason = why_not_ready(*pair.a);
   if (!pair.is_ready && result.reason.empty()) result.reason = why_not_ready(*pair.b);
-  if (result.reason.empty() && pair.still) {
+  if (result.reason.empty() && pair.known != nullptr) {
     result.asked = true;
     result.pose_a = pair.a->motion->pose;
     result.pose_b = pair.b->motion->pose;
-    take_answer(Answered(*pair.still), result, asked_pair.complaints);
+    take_answer(Answered(*pair.known), result, asked_pair.complaints);
     return;
   }
   if (!result.reason.empty()) return;
@@ -443,8 +443,8 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
           (result.awaited.empty() ? "the search was ended after " : "; it was ended after ") +
           std::to_string(options.max_tests) + " tests";
   }
-  if (pair.still) {
-    note_still(pair);
+  if (pair.known != nullptr) {
+    note_known(pair);
   } else {
     note_turn(pair, result, asked);
   }
@@ -453,7 +453,7 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
   if (options.contacts || options.depth) follow_contacts(pair, result, report);
   if (result.depth) ask_for_depth(pair, result);
   if (!result.put_off) pair.last = readiness_of(result, pair.names());
-  const std::uint64_t answer_digest = digest(result.answer);
+  const std::uint64_t answer_digest = digest_of(pair, result);
   report.answers_digest = mix(report.answers_digest ^ answer_digest);
   if (options.publish_reports) report_pair(pair, result, {frame, answer_digest});
 }

@@ -227,14 +227,25 @@ struct Session::Impl {
       ContentHash content_a, content_b;
       std::uint64_t changes_a = 0, changes_b = 0;  // of the replicas: changes_of()
       ClearanceLeft left;                          // in this update
+      // All of it, where neither body moved.
+      struct AtRest {
+        Answered answered;
+        std::optional<std::uint64_t> digest;  // of the answer, once it was needed
+      };
+      std::optional<AtRest> at_rest;
     };
     std::optional<Certified> certified;
     ContactBook contacts;
     ContentHash content_a, content_b;  // that its contacts are of
     bool is_ready = false;             // in this update: headers and fresh poses are there
-    std::optional<Answered> still;     // in this update, where it need not be asked
+    std::optional<Answered> still;     // free by what was said last, in this update
+    const Answered* known = nullptr;   // this update's answer, where it need not be asked
     bool is_put_off = false;           // in the last update; stands for `last` then
 
+    /// Neither body has moved since the answer that is said again in this update.
+    [[nodiscard]] bool lies() const {
+      return known != nullptr && certified->at_rest && known == &certified->at_rest->answered;
+    }
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
   };
@@ -501,12 +512,15 @@ struct Session::Impl {
   [[nodiscard]] double due_of(const Pair& pair) const;
   [[nodiscard]] double cost_of(const Pair& pair) const;
   [[nodiscard]] LastCertified last_certified_of(const Pair& pair, ClearanceLeft& left) const;
+  [[nodiscard]] bool is_as_then(const Pair& pair) const;
   [[nodiscard]] std::optional<Answered> still_free_of(const Pair& pair) const;
+  [[nodiscard]] const Answered* known_of(Pair& pair) const;
+  [[nodiscard]] static std::uint64_t digest_of(Pair& pair, const PairAnswer& result);
   [[nodiscard]] AnswerOptions answer_options_of(const Pair& pair) const;
   [[nodiscard]] AskedBody asked_body_of(const Body& body) const;
   void put_off(const Pair& pair, PairAnswer& result) const;
   void note_turn(Pair& pair, const PairAnswer& result, const AskedPair& asked);
-  void note_still(Pair& pair);
+  void note_known(Pair& pair);
   void settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked, std::uint64_t frame,
                    FrameReport& report);
   void follow_contacts(Pair& pair, PairAnswer& answer, FrameReport& report);

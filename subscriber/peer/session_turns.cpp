@@ -29,6 +29,17 @@ std::uint64_t changes_of(const Replica& replica) {
   return mix(replica.mesh().state_hash() ^ mix(replica.taken_batches()));
 }
 
+/// What was answered, for when it need not be asked again.
+Answered whole_of(const PairAnswer& result) {
+  Answered whole{.answer = result.answer,
+                 .contacts = result.contacts,
+                 .depth = result.depth,
+                 .safe_horizon_s = result.safe_horizon_s};
+  whole.answer.stats = {};
+  if (result.swept) whole.swept = *result.swept;
+  return whole;
+}
+
 }  // namespace
 
 /// What the last certified answer of a pair says of the frame's poses. Precondition: there is one;
@@ -52,17 +63,39 @@ LastCertified Session::Impl::last_certified_of(const Pair& pair, ClearanceLeft& 
   return last;
 }
 
-/// The answer without asking, where what was said last and how little both have moved since make it
-/// certain, and where what is held has not changed: so it is what every peer answers that holds the
-/// same. Precondition: both bodies are ready.
-std::optional<Answered> Session::Impl::still_free_of(const Pair& pair) const {
-  if (!pair.certified || pair.a->solid || pair.b->solid) return std::nullopt;
+/// Whether what is held has not changed since the last certified answer: then what it was follows
+/// from poses and motions alone. Precondition: there is one; both bodies are ready.
+bool Session::Impl::is_as_then(const Pair& pair) const {
   const Pair::Certified& then = *pair.certified;
-  if (then.now.clearance_m == 0 || then.changes_a != changes_of(*pair.a->model->replica) ||
-      then.changes_b != changes_of(*pair.b->model->replica))
-    return std::nullopt;
+  return then.content_a == pair.a->model->content_hash &&
+         then.content_b == pair.b->model->content_hash &&
+         then.changes_a == changes_of(*pair.a->model->replica) &&
+         then.changes_b == changes_of(*pair.b->model->replica);
+}
+
+/// The answer where how little both have moved since the last one makes it certain. Precondition:
+/// is_as_then().
+std::optional<Answered> Session::Impl::still_free_of(const Pair& pair) const {
+  const Pair::Certified& then = *pair.certified;
+  if (then.now.clearance_m == 0 || pair.a->solid || pair.b->solid) return std::nullopt;
   return still_free(asked_body_of(*pair.a), asked_body_of(*pair.b), then.kept, then.left,
                     answer_options_of(pair));
+}
+
+/// The answer without asking, which every peer gives that holds the same; none where it has to be
+/// asked. Of bodies that lie where they lay it is what it was, contacts, depth and all.
+/// Precondition: both bodies are ready.
+const Answered* Session::Impl::known_of(Pair& pair) const {
+  pair.still.reset();
+  if (!pair.certified || !is_as_then(pair)) return nullptr;
+  const Pair::Certified& then = *pair.certified;
+  const auto lies = [](const Body& body, const Pose& pose) {
+    return is_at_rest(*body.motion) && body.motion->pose == pose;
+  };
+  if (then.at_rest && lies(*pair.a, then.kept.pose_a) && lies(*pair.b, then.kept.pose_b))
+    return &then.at_rest->answered;
+  pair.still = still_free_of(pair);
+  return pair.still ? &*pair.still : nullptr;
 }
 
 /// By update; see above.
@@ -88,10 +121,10 @@ void Session::Impl::look_at_pairs() {
     }
     if (pair->turn.came_in == 0) pair->turn.came_in = updates;
     pair->is_ready = pair->a->is_ready && pair->b->is_ready;
-    pair->still.reset();
+    pair->known = nullptr;
     if (!pair->is_ready || !pair->certified) continue;
     pair->certified->now = last_certified_of(*pair, pair->certified->left);
-    pair->still = still_free_of(*pair);
+    pair->known = known_of(*pair);
   }
 }
 
@@ -117,7 +150,7 @@ std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
 /// What asking a pair will take, as far as is known: what it took then, or, since that may be long
 /// ago, what pairs take.
 double Session::Impl::cost_of(const Pair& pair) const {
-  if (pair.still) return 0;
+  if (pair.known != nullptr) return 0;
   return std::max(pair.turn.cost_s, pair_cost.seconds());
 }
 
@@ -200,10 +233,20 @@ void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, const AskedP
                     .content_b = result.content_b,
                     .changes_a = changes_of(*pair.a->model->replica),
                     .changes_b = changes_of(*pair.b->model->replica)};
+  if (is_at_rest(*pair.a->motion) && is_at_rest(*pair.b->motion) && asked.complaints.empty())
+    pair.certified->at_rest = {whole_of(result), std::nullopt};
+}
+
+/// Of many pairs of faces it takes as long as all else that lying bodies do.
+std::uint64_t Session::Impl::digest_of(Pair& pair, const PairAnswer& result) {
+  if (!pair.lies()) return digest(result.answer);
+  std::optional<std::uint64_t>& kept = pair.certified->at_rest->digest;
+  if (!kept) kept = digest(result.answer);
+  return *kept;
 }
 
 /// It was answered without being asked: certified now, by what was said of the poses of then.
-void Session::Impl::note_still(Pair& pair) {
+void Session::Impl::note_known(Pair& pair) {
   pair.is_put_off = false;
   pair.turn.asked_in = updates;
   pair.turn.is_cut_short = false;

@@ -256,6 +256,11 @@ void time_flights(const Model& terrain, const Model& aircraft, Report& report) {
       false, report);
   fly(flight_of("named_15m", terrain, aircraft, 40, 15, true, kLow_m, kHigh_m, true), 100, false,
       report);
+  FrameScene lying = flight_of("lying_40", terrain, aircraft, 40, kApart_m, false, 0, 1);
+  lying.pose_at = [fly_at = lying.pose_at](std::size_t i, double /*time_s*/) {
+    return fly_at(i, 0);
+  };
+  fly(lying, 100, false, report);
   for (const std::size_t count : {1U, 16U, 40U, 200U}) {
     const FrameScene scene = flight_of("flight_" + std::to_string(count), terrain, aircraft, count,
                                        kApart_m, false, kLow_m, kHigh_m);

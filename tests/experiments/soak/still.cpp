@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sessions that do not ask pairs which stayed free by their bounds, against sessions that ask each
-// pair in each frame: bodies that fly through each other low over a ground, with detail that comes
-// and is given up.
+// Sessions that do not ask pairs which stayed free by their bounds, or lie where they lay, against
+// sessions that ask each pair in each frame: bodies that fly through each other low over a ground,
+// and stop now and then, with detail that comes and is given up.
 //   nearmesh-soak-still --pair-frames 1000000 --seed 1
 // Status, pairs, missing nodes and digests must be the same. Exit 1 at the first that is not.
 
@@ -25,6 +25,10 @@ namespace {
 constexpr std::size_t kBodies = 8;
 constexpr int kFrames = 400;
 constexpr double kStep_s = 0.01, kBox_m = 60;
+/// Each body stops for one such span in three.
+constexpr int kStopFrames = 25;
+/// Too slow to change anything, and yet no rest.
+constexpr double kAlmostNone_mps = 1e-12;
 
 class Flight {
  public:
@@ -62,6 +66,10 @@ class Flight {
   std::vector<Session::OwnMotion> own_;
 };
 
+bool is_stopped(std::size_t body, int frame) {
+  return (frame / kStopFrames + static_cast<int>(body)) % 3 == 0;
+}
+
 std::vector<Motion> start(Random& random, double ground_m) {
   std::vector<Motion> motions(kBodies);
   const double speed_mps = std::ldexp(1.0, static_cast<int>(random.below(9)) - 1);
@@ -75,6 +83,14 @@ std::vector<Motion> start(Random& random, double ground_m) {
       if (turns) motion.angular_velocity_radps[k] = random.between(-1, 1) * speed_mps / 100;
     }
   }
+  return motions;
+}
+
+/// What the motions are while some bodies lie: for who spares what lies still, and for who asks.
+std::vector<Motion> stopped(std::vector<Motion> motions, int frame, double speed_mps) {
+  for (std::size_t i = 0; i < kBodies; ++i)
+    if (is_stopped(i, frame))
+      motions[i] = {.pose = motions[i].pose, .linear_velocity_mps = {speed_mps, 0, 0}};
   return motions;
 }
 
@@ -103,7 +119,8 @@ int main(int argc, char** argv) {
   const auto ground = test::write_model(terrain);
   const auto aircraft = test::write_model(test::bake_mesh(generate_aircraft(1000, 7), 16));
   const double ground_m = test::position_m(terrain.header, terrain.store, {0})[2];
-  std::uint64_t answers = 0, spared = 0, free = 0, given_up = 0, uncertain = 0, contacts = 0;
+  std::uint64_t answers = 0, spared = 0, free = 0, given_up = 0, uncertain = 0, contacts = 0,
+                lying = 0;
   for (std::uint64_t flight = 0; answers < wanted; ++flight) {
     Random random(seed * 1'000'003 + flight);
     Flight sparing(ground->path(), aircraft->path(), Clearance::kBound),
@@ -113,13 +130,15 @@ int main(int argc, char** argv) {
     std::uint64_t held = 0;
     for (int frame = 0; frame < kFrames; ++frame) {
       for (std::size_t i = 0; i < kBodies; ++i) {
+        if (is_stopped(i, frame)) continue;
         motions[i].pose = pose_at(motions[i], kStep_s);
         for (std::size_t k = 0; k < 3; ++k)
           if (std::abs(motions[i].pose.translation_m[k] - from[i].pose.translation_m[k]) > kBox_m)
             motions[i].linear_velocity_mps[k] = -motions[i].linear_velocity_mps[k];
       }
       const auto number = static_cast<std::uint64_t>(frame);
-      const FrameReport one = sparing.update(number, motions), two = asking.update(number, motions);
+      const FrameReport one = sparing.update(number, stopped(motions, frame, 0)),
+                        two = asking.update(number, stopped(motions, frame, kAlmostNone_mps));
       if (!is_same(one, two)) {
         std::printf("seed %" PRIu64 ", flight %" PRIu64 ", frame %d: they differ\n", seed, flight,
                     frame);
@@ -133,13 +152,17 @@ int main(int argc, char** argv) {
         free += is_free ? 1 : 0;
         spared += is_free && answer.answer.stats.box_tests == 0 ? 1 : 0;
         uncertain += is_certified(answer.answer.status) ? 0 : 1;
-        contacts += answer.answer.status == AnswerStatus::kContact ? 1 : 0;
+        const bool is_contact = answer.answer.status == AnswerStatus::kContact;
+        contacts += is_contact ? 1 : 0;
+        lying += is_contact && answer.answer.stats.box_tests == 0 ? 1 : 0;
       }
     }
   }
   std::printf("%" PRIu64 " answers: %" PRIu64 " free, of which %" PRIu64
-              " were spared a query; %" PRIu64 " contacts, %" PRIu64
+              " were spared a query; %" PRIu64 " contacts, of which %" PRIu64 "; %" PRIu64
               " not certified; all the same\n",
-              answers, free, spared, contacts, uncertain);
-  return spared * 4 > free ? 0 : 1;  // else it has shown nothing
+              answers, free, spared, contacts, lying, uncertain);
+  return spared * 4 > free && lying * 50 > contacts && given_up > 0
+             ? 0
+             : 1;  // else it has shown nothing
 }

@@ -17,7 +17,7 @@ using subscriber::LastCertified;
 using subscriber::Readiness;
 using subscriber::ReadyStage;
 
-/// No bound of these is kept: each pair is asked, or put off.
+/// No bound of these is kept: each pair is asked, or put off, unless both bodies lie still.
 const SessionOptions kAsksAll{.lookahead_s = 0, .clearance = Clearance::kExact};
 constexpr double kNoBudget = 0, kAllTime = std::numeric_limits<double>::infinity();
 
@@ -44,6 +44,10 @@ class Squadron {
   }
   void move() {
     for (auto& [body, motion] : motions) motion.pose = pose_at(motion, 0.05);
+  }
+  /// Where they are, but not for good.
+  void stir() {
+    for (auto& [body, motion] : motions) motion.linear_velocity_mps[2] = 1e-3;
   }
   void settle() {
     for (int i = 0; i < 50; ++i)
@@ -126,6 +130,7 @@ TEST(Budget, WhatTakesLongerThanExpectedIsCutShortOnceAndThenAskedToItsEnd) {
   SessionOptions options = kAsksAll;
   options.contacts = options.depth = true;
   Squadron squadron(2, options);
+  squadron.stir();
   const auto update_at = [&](double way_m, double budget_s) {
     squadron.motions[1].motion.pose.translation_m = {way_m, 0.3, 0.1};
     return squadron.update(budget_s);
@@ -208,6 +213,7 @@ TEST(Budget, WhatStaysFreeByItsBoundIsAnsweredWithoutATurn) {
 
 TEST(Budget, WhatIsNewIsAskedBeforeWhatIsFree) {
   Squadron squadron(4, kAsksAll);
+  squadron.stir();
   for (std::size_t i = 0; i < 4; ++i)
     squadron.motions[i].motion.pose.translation_m[0] = 300.0 * static_cast<double>(i);
   squadron.settle();
@@ -314,6 +320,7 @@ TEST(Budget, WhatIsLeftOfTheLastAnswerHolds) {
 
 TEST(Budget, AnotherModelTakesTheLastAnswerAway) {
   Squadron squadron(3, kAsksAll);
+  squadron.stir();
   for (std::size_t i = 0; i < 3; ++i)
     squadron.motions[i].motion.pose.translation_m[0] = 300.0 * static_cast<double>(i);
   squadron.settle();

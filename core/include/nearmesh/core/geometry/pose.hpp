@@ -20,6 +20,7 @@ namespace nearmesh {
 struct Pose {
   std::array<double, 9> rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row-major
   std::array<double, 3> translation_m{};
+  bool operator==(const Pose&) const = default;
 };
 
 /// Checks a pose from outside. Errors: kInvalidArgument, naming `body`, where an entry is not
