@@ -50,11 +50,11 @@ What a host waits for: all of `Session::update` of one peer with the default opt
 without a network. Microseconds of this thread's processor time, without what the publisher does in the same thread, which stands in a column of its own.
 
 * `flight`: so many aircraft of 8,000 faces in a square, 100 m apart, at 60 m/s up to 15 m above a terrain of a million faces, into it now and
-  then; pairs by `watch_all()`. `touching`: one that always touches.
+  then; pairs by `watch_all()`. `touching`: one that always touches. `lying`: 40 in the ground, where they stay.
 * `named`: 40 of them, all 820 pairs watched by name, 100 m apart or 15 m one behind the other, into each other.
 * `bunny_near_miss`: one of two goes from a near miss 0.01 % of its size away in each frame.
 * *Detail*: what the session asks for from the base mesh on (after half a second of flight), or all of it, held from the start. *Pairs* are answers a
-  frame, all others are proved free by boxes; of these so many *touch*, and *spared* are those that stay free by the bound said last.
+  frame, all others are proved free by boxes; of these so many *touch*, and *spared* are those that need no query: free by the bound said last, or lying still.
 """
 
 PROBES = """## Probes
