@@ -8,8 +8,8 @@
 // rounding makes up the slack, whichever bodies they are of). A determinant of three differences
 // then is off by at most (L + s)^3 - L^3 <= 3 s (L + s)^2 <= s (3.4 L^2 + 27 s^2). Doubles add less
 // than 2^-47 L^3 <= s L^2 / 2, since L <= M and s >= 2^-46 M there. So a sign beyond 4 s (L^2 + 7
-// s^2) is that of the exact test; and a triangle whose corners are all beyond it on one side of the
-// other's plane is parted along that plane's normal.
+// s^2) is that of the exact test. Where all six heights are beyond it, and each triangle has
+// corners on both sides of the other's plane, two more such signs tell whether they meet.
 #if defined(NEARMESH_GEOMETRY_TRIANGLE_KERNELS) == defined(HWY_TARGET_TOGGLE)
 #ifdef NEARMESH_GEOMETRY_TRIANGLE_KERNELS
 #undef NEARMESH_GEOMETRY_TRIANGLE_KERNELS

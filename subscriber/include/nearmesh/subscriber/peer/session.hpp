@@ -159,7 +159,7 @@ struct PairAnswer {
   /// sends it; or since the search was ended by its tests. Else empty.
   std::string awaited;
   /// Headers and fresh poses were there, so the trees were asked, or need not be: it stayed free
-  /// (SessionOptions::clearance).
+  /// (SessionOptions::clearance), or both bodies lie where they lay, on the same detail.
   bool asked = false;
   /// Headers and fresh poses were there, but its turn did not come within the budget, or ended
   /// before it was answered: not asked, and nothing is known of this frame.
