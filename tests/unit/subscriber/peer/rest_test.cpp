@@ -24,33 +24,33 @@ class Rest : public ::testing::Test {
     options.contacts = true;
     options.depth = true;
     options.sweep_s = 0.1;
-    host_ = std::make_unique<LocalHost>(options);
-    one_ = host_->spawn("one");
-    ASSERT_GT(host_->settle({{one_, lying_}}), 0);
-    host_->update();  // what was there for the time ahead came after the answer
+    host = std::make_unique<LocalHost>(options);
+    one = host->spawn("one");
+    ASSERT_GT(host->settle({{one, lying}}), 0);
+    host->update();  // what was there for the time ahead came after the answer
   }
   /// The update after it, without a moment of time.
   PairAnswer next(const std::vector<Session::OwnMotion>& motions = {}) {
-    host_->time_s += 0.01;
+    host->time_s += 0.01;
     Result<FrameReport> report =
-        host_->session->update(100 + frame_++, host_->time_s, motions, kNoTime);
+        host->session->update(100 + frame++, host->time_s, motions, kNoTime);
     EXPECT_TRUE(report.is_ok()) << report.status().message();
-    host_->judge.check(report.value());
-    events_ = report.value().contact_events;
-    return *report.value().find(kGround, one_);
+    host->judge.check(report.value());
+    events = report.value().contact_events;
+    return *report.value().find(kGround, one);
   }
 
-  Motion lying_ = above_ground(300, 1);
-  std::unique_ptr<LocalHost> host_;
-  BodyId one_;
-  std::vector<subscriber::ContactEvent> events_;
-  std::uint64_t frame_ = 0;
+  Motion lying = above_ground(300, 1);
+  std::unique_ptr<LocalHost> host;
+  BodyId one;
+  std::vector<subscriber::ContactEvent> events;
+  std::uint64_t frame = 0;
 };
 
 TEST_F(Rest, WhatTouchedIsAnsweredAgainToTheLastContactWithoutATurn) {
   lay({});
-  const FrameReport report = host_->update();
-  const PairAnswer& then = *report.find(kGround, one_);
+  const FrameReport report = host->update();
+  const PairAnswer& then = *report.find(kGround, one);
   ASSERT_GT(then.answer.pair_total, 0U);
   ASSERT_TRUE(then.contacts && then.depth && then.swept);
   for (int i = 0; i < 5; ++i) {
@@ -64,42 +64,42 @@ TEST_F(Rest, WhatTouchedIsAnsweredAgainToTheLastContactWithoutATurn) {
     EXPECT_EQ(now.contact_ids, then.contact_ids);
     EXPECT_EQ(now.depth->at_least_m, then.depth->at_least_m);
     EXPECT_EQ(now.swept->status, then.swept->status);
-    for (const auto& event : events_) EXPECT_EQ(event.change, ContactChange::kPersist);
+    for (const auto& event : events) EXPECT_EQ(event.change, ContactChange::kPersist);
   }
 }
 
 TEST_F(Rest, NobodyLooksAheadOfWhatLies) {
   lay({});
   next();
-  const std::uint64_t looks = host_->session->stats().looks_ahead;
+  const std::uint64_t looks = host->session->stats().looks_ahead;
   for (int i = 0; i < 200; ++i) next();
-  EXPECT_EQ(host_->session->stats().looks_ahead, looks);
-  Motion moved = lying_;
+  EXPECT_EQ(host->session->stats().looks_ahead, looks);
+  Motion moved = lying;
   moved.linear_velocity_mps[2] = 1;
-  for (int i = 0; i < 200; ++i) next({{one_, moved}});
-  EXPECT_GT(host_->session->stats().looks_ahead, looks);
+  for (int i = 0; i < 200; ++i) next({{one, moved}});
+  EXPECT_GT(host->session->stats().looks_ahead, looks);
 }
 
 TEST_F(Rest, WhoMovesIsAskedAgain) {
   lay({});
   EXPECT_FALSE(is_asked_anew(next()));
-  Motion moved = lying_;
+  Motion moved = lying;
   moved.pose.translation_m[0] += 1e-9;
-  EXPECT_TRUE(is_asked_anew(next({{one_, moved}})));  // it is the first, so it is asked to its end
+  EXPECT_TRUE(is_asked_anew(next({{one, moved}})));  // it is the first, so it is asked to its end
   EXPECT_FALSE(is_asked_anew(next()));
   moved.linear_velocity_mps[2] = 1;
-  EXPECT_TRUE(is_asked_anew(next({{one_, moved}})));
+  EXPECT_TRUE(is_asked_anew(next({{one, moved}})));
   EXPECT_TRUE(is_asked_anew(next()));  // its pose is older, so the time ahead is another
 }
 
 TEST_F(Rest, WhatIsHeldNowAndWasNotThenIsAskedAgain) {
   lay({});
   EXPECT_FALSE(is_asked_anew(next()));
-  const BodyId two = host_->spawn("two");
+  const BodyId two = host->spawn("two");
   std::size_t asked = 0;
   for (int i = 0; i < 20; ++i) {
-    const FrameReport report = host_->update({{two, above_ground(900, 1)}});
-    asked += is_asked_anew(*report.find(kGround, one_)) ? 1 : 0;
+    const FrameReport report = host->update({{two, above_ground(900, 1)}});
+    asked += is_asked_anew(*report.find(kGround, one)) ? 1 : 0;
   }
   EXPECT_GT(asked, 0U);
   EXPECT_LT(asked, 20U);
