@@ -40,7 +40,7 @@ class Flight {
     session_ = std::make_unique<Session>(
         std::move(channel), subscriber::SessionOptions{
                                 .lookahead_s = stops ? 0 : subscriber::SessionOptions{}.lookahead_s,
-                                .max_held_splits = 600,
+                                .max_held_splits = 40,
                                 .clearance = clearance});
     const auto id = session_->add_body({.name = "ground", .model = "ground"});
     if (!session_->place_body(id.value(), {}).is_ok()) std::abort();
