@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What a walk of two trees keeps while it runs: nodes and blocks in their places, and the pairs
-// still to be looked at. A short walk needs what is in here, some 45 KB of stack, and allocates
+// still to be looked at. A short walk needs what is in here, some 48 KB of stack, and allocates
 // nothing; a long one takes 190 KB more.
 
 #include <algorithm>

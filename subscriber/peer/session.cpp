@@ -390,11 +390,11 @@ void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& as
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
   if (!pair.is_ready) result.reason = why_not_ready(*pair.a);
   if (!pair.is_ready && result.reason.empty()) result.reason = why_not_ready(*pair.b);
-  if (result.reason.empty() && pair.known != nullptr) {
+  if (const Answered* known = pair.known(); result.reason.empty() && known != nullptr) {
     result.asked = true;
     result.pose_a = pair.a->motion->pose;
     result.pose_b = pair.b->motion->pose;
-    take_answer(Answered(*pair.known), result, asked_pair.complaints);
+    take_answer(Answered(*known), result, asked_pair.complaints);
     return;
   }
   if (!result.reason.empty()) return;
@@ -443,7 +443,7 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
           (result.awaited.empty() ? "the search was ended after " : "; it was ended after ") +
           std::to_string(options.max_tests) + " tests";
   }
-  if (pair.known != nullptr) {
+  if (pair.known() != nullptr) {
     note_known(pair);
   } else {
     note_turn(pair, result, asked);

@@ -60,7 +60,7 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
   if (horizon_s() <= 0) return Need::kNothing;
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
     return Need::kAhead;
-  if (pair.lies() && options.margin_m == 0) return Need::kNothing;
+  if (pair.lies && options.margin_m == 0) return Need::kNothing;
   // What nothing meets until then is certified until then, by what is held.
   if (pair.by_region && stays_certified(answer, soon_s(pair))) return Need::kNothing;
   // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth

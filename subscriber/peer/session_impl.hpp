@@ -238,13 +238,15 @@ struct Session::Impl {
     ContactBook contacts;
     ContentHash content_a, content_b;  // that its contacts are of
     bool is_ready = false;             // in this update: headers and fresh poses are there
-    std::optional<Answered> still;     // free by what was said last, in this update
-    const Answered* known = nullptr;   // this update's answer, where it need not be asked
-    bool is_put_off = false;           // in the last update; stands for `last` then
+    // In this update: neither body has moved since certified->at_rest; or it is free by what was
+    // said last.
+    bool lies = false;
+    std::optional<Answered> still;
+    bool is_put_off = false;  // in the last update; stands for `last` then
 
-    /// Neither body has moved since the answer that is said again in this update.
-    [[nodiscard]] bool lies() const {
-      return known != nullptr && certified->at_rest && known == &certified->at_rest->answered;
+    /// This update's answer, where it need not be asked; else null.
+    [[nodiscard]] const Answered* known() const {
+      return lies ? &certified->at_rest->answered : still ? &*still : nullptr;
     }
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
@@ -514,7 +516,7 @@ struct Session::Impl {
   [[nodiscard]] LastCertified last_certified_of(const Pair& pair, ClearanceLeft& left) const;
   [[nodiscard]] bool is_as_then(const Pair& pair) const;
   [[nodiscard]] std::optional<Answered> still_free_of(const Pair& pair) const;
-  [[nodiscard]] const Answered* known_of(Pair& pair) const;
+  void find_known(Pair& pair) const;
   [[nodiscard]] static std::uint64_t digest_of(Pair& pair, const PairAnswer& result);
   [[nodiscard]] AnswerOptions answer_options_of(const Pair& pair) const;
   [[nodiscard]] AskedBody asked_body_of(const Body& body) const;

@@ -82,20 +82,17 @@ std::optional<Answered> Session::Impl::still_free_of(const Pair& pair) const {
                     answer_options_of(pair));
 }
 
-/// The answer without asking, which every peer gives that holds the same; none where it has to be
-/// asked. Of bodies that lie where they lay it is what it was, contacts, depth and all.
-/// Precondition: both bodies are ready.
-const Answered* Session::Impl::known_of(Pair& pair) const {
-  pair.still.reset();
-  if (!pair.certified || !is_as_then(pair)) return nullptr;
+/// Pair::known(): what every peer answers that holds the same. Of bodies that lie where they lay it
+/// is what it was, contacts, depth and all. Precondition: there is a certified answer; both bodies
+/// are ready.
+void Session::Impl::find_known(Pair& pair) const {
+  if (!is_as_then(pair)) return;
   const Pair::Certified& then = *pair.certified;
   const auto lies = [](const Body& body, const Pose& pose) {
     return is_at_rest(*body.motion) && body.motion->pose == pose;
   };
-  if (then.at_rest && lies(*pair.a, then.kept.pose_a) && lies(*pair.b, then.kept.pose_b))
-    return &then.at_rest->answered;
-  pair.still = still_free_of(pair);
-  return pair.still ? &*pair.still : nullptr;
+  pair.lies = then.at_rest && lies(*pair.a, then.kept.pose_a) && lies(*pair.b, then.kept.pose_b);
+  if (!pair.lies) pair.still = still_free_of(pair);
 }
 
 /// By update; see above.
@@ -121,10 +118,11 @@ void Session::Impl::look_at_pairs() {
     }
     if (pair->turn.came_in == 0) pair->turn.came_in = updates;
     pair->is_ready = pair->a->is_ready && pair->b->is_ready;
-    pair->known = nullptr;
+    pair->lies = false;
+    pair->still.reset();
     if (!pair->is_ready || !pair->certified) continue;
     pair->certified->now = last_certified_of(*pair, pair->certified->left);
-    pair->known = known_of(*pair);
+    find_known(*pair);
   }
 }
 
@@ -150,7 +148,7 @@ std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
 /// What asking a pair will take, as far as is known: what it took then, or, since that may be long
 /// ago, what pairs take.
 double Session::Impl::cost_of(const Pair& pair) const {
-  if (pair.known != nullptr) return 0;
+  if (pair.known() != nullptr) return 0;
   return std::max(pair.turn.cost_s, pair_cost.seconds());
 }
 
@@ -239,7 +237,7 @@ void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, const AskedP
 
 /// Of many pairs of faces it takes as long as all else that lying bodies do.
 std::uint64_t Session::Impl::digest_of(Pair& pair, const PairAnswer& result) {
-  if (!pair.lies()) return digest(result.answer);
+  if (!pair.lies) return digest(result.answer);
   std::optional<std::uint64_t>& kept = pair.certified->at_rest->digest;
   if (!kept) kept = digest(result.answer);
   return *kept;

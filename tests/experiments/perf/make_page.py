@@ -54,7 +54,8 @@ without a network. Microseconds of this thread's processor time, without what th
 * `named`: 40 of them, all 820 pairs watched by name, 100 m apart or 15 m one behind the other, into each other.
 * `bunny_near_miss`: one of two goes from a near miss 0.01 % of its size away in each frame.
 * *Detail*: what the session asks for from the base mesh on (after half a second of flight), or all of it, held from the start. *Pairs* are answers a
-  frame, all others are proved free by boxes; of these so many *touch*, and *spared* are those that need no query: free by the bound said last, or lying still.
+  frame, all others are proved free by boxes; of these so many *touch*, and *spared* are those that need no query: free by the bound said
+  last, or lying still.
 """
 
 PROBES = """## Probes
